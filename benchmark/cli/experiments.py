@@ -114,6 +114,9 @@ def evaluate(
     traffic: Annotated[
         str | None, typer.Option(help="Traffic variation.", show_default="that of the training")
     ] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="Traffic engine.", show_default="SUMO, or that of the training's tests")
+    ] = None,
     episodes: Annotated[int, typer.Option(help="Number of episodes for each mode.", min=1)] = 50,
     mode: Annotated[
         list[Mode] | None, typer.Option(help="Action selection. Repeatable.", show_default="both")
@@ -144,7 +147,8 @@ def evaluate(
     from benchmark.running.experiment import interruptible
 
     table: pd.DataFrame | None = None
-    given: Any = {"traffic": traffic, "episodes": episodes, "out": out, "imports": import_ or ()}
+    given: Any = {"traffic": traffic, "engine": engine, "episodes": episodes, "out": out}
+    given["imports"] = import_ or ()
 
     def work() -> int:
         nonlocal table

@@ -47,6 +47,7 @@ def evaluate_agent(
     *,
     scenarios: Sequence[str],
     traffic: str | None = None,
+    engine: str | None = None,
     episodes: int = 50,
     agents: int = 4,
     options: Mapping[str, Any] | None = None,
@@ -62,6 +63,7 @@ def evaluate_agent(
         locator: A name of the zoo, "module:name-v0", or "tcp://HOST:PORT".
         scenarios: What is played.
         traffic: Variation of their traffic.
+        engine: Traffic engine, by default SUMO.
         episodes: How many.
         agents: How many egos there are.
         options: Options of the agent.
@@ -85,12 +87,13 @@ def evaluate_agent(
         task_setting = TaskSetting(
             fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario"),
             traffic or TRAFFIC,
-            _environment(agent, interface, agents, f"agent {locator!r}"),
+            _environment(agent, interface, agents, engine, f"agent {locator!r}"),
             Evaluation(episodes=episodes, keep_episodes=out is not None),
             num_envs=1,
             imports=tuple(str(Path(each).absolute()) for each in imports),
         )
         evaluated = {"agent": locator, "options": repr(dict(options or {})), "agents": agents}
+        evaluated |= {"traffic_engine": engine} if engine else {}
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
             return _tested(task_setting, out, evaluated, agent, labels, SCRIPTED)
@@ -99,10 +102,13 @@ def evaluate_agent(
             agent.close()
 
 
-def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, place: str) -> Environment:
+def _environment(
+    agent: BatchAgent, interface: AgentInterface, agents: int, engine: str | None, place: str
+) -> Environment:
     """Return the benchmark's environment with an agent's observation, action, vehicle and period."""
     given = {
         "agents": agents,
+        "traffic_engine": engine,
         "action": interface.action.name if interface.action is not None else None,
         "vehicle": interface.vehicle_class,
         "vehicle_model": interface.vehicle_model,
@@ -178,6 +184,7 @@ def evaluate_exported(
     traffic: str | None = None,
     episodes: int = 50,
     agents: int | None = None,
+    engine: str | None = None,
     out: Path | None = None,
     imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
@@ -191,6 +198,7 @@ def evaluate_exported(
         traffic: Traffic to play, by default the training's.
         episodes: How many.
         agents: Number of agents, the first ones of the training; by default all.
+        engine: Traffic engine, by default that on which the training is tested.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code that the scenarios name.
 
@@ -207,17 +215,18 @@ def evaluate_exported(
     agent = ExportedPolicy(path, TEAM)
     given = [*(scenarios or trained.scenarios)]
     name = name_of(given) if scenarios else trained.task
+    changes = {"agents": agents, "traffic_engine": engine}
+    changes = {key: value for key, value in changes.items() if value is not None}
     task_setting = TaskSetting(
         fitted({"name": name, "scenarios": given}, TrainingTask, "--scenario"),
         traffic or trained.traffic,
-        fitted(trained.environment | ({"agents": agents} if agents else {}), Environment, str(path)),
+        fitted(trained.environment | changes, Environment, str(path)),
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
         imports=tuple(str(Path(each).absolute()) for each in imports),
     )
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    evaluated = {"policy": str(path.resolve())} | ({"agents": agents} if agents else {})
-    return _tested(task_setting, out, evaluated, agent, labels, "greedy")
+    return _tested(task_setting, out, {"policy": str(path.resolve()), **changes}, agent, labels, "greedy")
 
 
 class _AgentDriver:

@@ -11,6 +11,7 @@ from typing import Literal
 import pandas as pd
 
 from benchmark.experiment.config import Evaluation, TrainingTask
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.values import name_of
 from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
@@ -32,6 +33,7 @@ def evaluate_checkpoint(
     modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
     checkpoint: Literal["last", "best"] = "last",
     agents: int | None = None,
+    engine: str | None = None,
     out: Path | None = None,
     imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
@@ -45,6 +47,7 @@ def evaluate_checkpoint(
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
         agents: Number of agents, by default the training's; networks that agents share are of any number.
+        engine: Traffic engine, by default that of the training's tests.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code, by default the ones of the training.
 
@@ -63,10 +66,12 @@ def evaluate_checkpoint(
         task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
     asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
-    if agents is not None:
-        if isinstance(trained.task_setting.environment.agents, dict):
-            raise SmartsError("its agents have names, so there are no others", place="--agents")
-        asked["environment"] = trained.task_setting.environment.model_copy(update={"agents": agents})
+    environment = trained.task_setting.environment
+    if agents is not None and isinstance(environment.agents, dict):
+        raise SmartsError("its agents have names, so there are no others", place="--agents")
+    changes = {"agents": agents, "traffic_engine": engine}
+    changes = {key: value for key, value in changes.items() if value is not None}
+    asked["environment"] = fitted(environment.model_dump() | changes, Environment, str(path))
     run = replace(trained, task_setting=replace(trained.task_setting, **asked))
     for scenario in run.task_setting.task.scenarios:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
@@ -88,7 +93,8 @@ def evaluate_checkpoint(
         "traffic": task_setting.traffic,
         "episodes": episodes,
         "modes": [*modes],
-    } | ({"agents": agents} if agents is not None else {})
+        **changes,
+    }
     with evaluation_folder(out, evaluated) as answer, named_own_code("the run's own code"):
         policies = {
             mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes

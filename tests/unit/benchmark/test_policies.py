@@ -19,9 +19,10 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
-from benchmark.running.testing import EVALUATION_SEED, play_test
+from benchmark.running.testing import ENGINE, EVALUATION_SEED, play_test
 from benchmark.running.training import _play, algorithm_of, checkpoint_files, restore
 from smarts.agents.benchmark import benchmark_interface
+from smarts.config import ConfigError
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -127,6 +128,14 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
     pd.testing.assert_frame_equal(
         evaluate_checkpoint(kept, **given), evaluate_checkpoint(folder.path, **given)
     )
+
+
+def test_a_test_on_another_traffic_engine_says_so(make):
+    _, folder = make("ppo")
+    tested = evaluate_checkpoint(folder.path, episodes=1, modes=("greedy",), engine="ConstantSpeed")
+    assert tested.attrs[ENGINE] == "tested on the traffic engine ConstantSpeed"
+    with pytest.raises(ConfigError, match="no traffic engine 'Nativ'; did you mean 'Native'"):
+        evaluate_checkpoint(folder.path, engine="Nativ")
 
 
 def by_dicts(env, policy, steps=12):
