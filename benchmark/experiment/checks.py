@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
-from itertools import chain
+from itertools import chain, product
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
@@ -17,7 +17,7 @@ from benchmark.experiment.algorithm_settings import (
 )
 from benchmark.experiment.environment import Driving, Environment, Host
 from benchmark.experiment.loggers import LOGGERS
-from benchmark.experiment.models import Experiment, TaskOverrides
+from benchmark.experiment.models import Budget, Experiment, TaskOverrides
 from benchmark.experiment.values import ends
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault, shown
@@ -54,6 +54,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
     broken = yield from _own_names(experiment)
     algorithms = {name: number for number, name in enumerate(experiment.algorithms) if name not in broken}
     yield from _by_task(experiment)
+    yield from _budgets(experiment)
     yield from _starts(experiment)
     yield from _loggers(experiment)
     yield from _settings(experiment, algorithms)
@@ -88,6 +89,13 @@ def _by_task(experiment: Experiment) -> Iterator[Fault]:
     for name in experiment.by_task if experiment.tasks else ():
         if name not in known:
             yield Fault(("by_task", name), "there is no such task", nearest_names(name, known))
+
+
+def _budgets(experiment: Experiment) -> Iterator[Fault]:
+    """Yield a budget of a task without a limit."""
+    places = product((task.name for task in experiment.tasks), experiment.traffic)
+    if any(experiment.budget_of(*place) == Budget(agent_steps=None) for place in places):
+        yield Fault(("budget",), "has neither agent_steps nor minutes", "give one of them, or both")
 
 
 def _starts(experiment: Experiment) -> Iterator[Fault]:

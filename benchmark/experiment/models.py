@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -72,12 +73,17 @@ Tasks = Annotated[
 
 
 class Budget(Section):
-    """How long each run trains: until the first is used up; `minutes: null` takes inherited ones out."""
+    """How long each run trains: until the first is used up; null takes an inherited one out."""
 
-    agent_steps: Positive = 2_000_000
+    agent_steps: Annotated[int, Field(ge=1, le=10**12)] | None = 2_000_000
     """Simulation steps of 0.1 s, counted once for each agent that is on the road."""
-    minutes: Annotated[float, Field(gt=0)] | None = None
+    minutes: Annotated[float, Field(gt=0, le=10**7)] | None = None
     """Wall-clock time of training, validations not counted. It makes results depend on the machine."""
+
+    @property
+    def most_steps(self) -> float:
+        """Agent-steps, infinity without a limit."""
+        return math.inf if self.agent_steps is None else self.agent_steps
 
 
 class Evaluation(Section):

@@ -319,8 +319,8 @@ def _is_unlike_paper(run: RunResult) -> bool:
 
 
 def _budget(run: RunResult) -> float:
-    """Return the agent-steps of a run's budget, NaN if it is not known."""
-    return float((run.config.get("budget") or {}).get("agent_steps", math.nan))
+    """Return the agent-steps of a run's budget, NaN if it is not known or in minutes alone."""
+    return float((run.config.get("budget") or {}).get("agent_steps") or math.nan)
 
 
 def _are_alike(steps: float, others: float) -> bool:

@@ -173,7 +173,7 @@ def larger_budget(report: Report) -> str:
         return ""
     ((minutes, steps),) = budgets
     took = [run.progress["agent_steps"].iloc[-1] for run in runs if run.progress is not None]
-    is_by_time = minutes and max(took) < steps
+    is_by_time = minutes and (steps is None or max(took) < steps)
     return f"budget.minutes={LONGER * minutes:g}" if is_by_time else f"budget.agent_steps={LONGER * steps}"
 
 

@@ -231,7 +231,7 @@ class RunFolder:
         try:
             return yaml.safe_load(self.config.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:
-            problem = f"cannot be read: {first_line(error)}"
+            problem = f"cannot be read: {getattr(error, 'strerror', None) or first_line(error)}"
             raise ResultsError(problem, place=str(self.config), remedy=CONFIG_REMEDY) from error
 
     def open(self, content: Mapping[str, Any]) -> None:

@@ -68,7 +68,7 @@ def _job_left(state: JobState, known: Mapping[tuple[str, str], float]) -> float:
     seconds, episodes = 0.0, float(state.episodes)
     if isinstance(job, Run):
         steps, spent = (progress.agent_steps, progress.seconds) if progress else (0, 0.0)
-        seconds = max(job.budget.agent_steps - steps, 0) / rate(TRAINING)
+        seconds = max(job.budget.most_steps - steps, 0) / rate(TRAINING)
         if job.budget.minutes:
             seconds = min(seconds, max(60 * job.budget.minutes - spent, 0.0))
         evaluation = job.task_setting.evaluation
@@ -94,8 +94,9 @@ def plan(states: Sequence[JobState], at_once: int) -> str:
 
 
 def _words(budget: Budget) -> str:
-    minutes = f" or {budget.minutes:g} minutes" if budget.minutes else ""
-    return f"each of {budget.agent_steps:,} agent-steps{minutes}"
+    steps = [f"{budget.agent_steps:,} agent-steps"] if budget.agent_steps else []
+    minutes = [f"{budget.minutes:g} minutes"] if budget.minutes else []
+    return f"each of {' or '.join(steps + minutes)}"
 
 
 def ends(left: float) -> str:

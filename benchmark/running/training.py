@@ -278,7 +278,7 @@ class Training:
         """The budget that is used up, "agent_steps" or "minutes"; None while both are left."""
         if self._share() < 1:
             return None
-        return "agent_steps" if self._state.agent_steps >= self._run.budget.agent_steps else "minutes"
+        return "agent_steps" if self._state.agent_steps >= self._run.budget.most_steps else "minutes"
 
     def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[Message]:
         """Train until the budget is used up or `is_stopped`; the last checkpoint is of the last iteration.
@@ -310,13 +310,13 @@ class Training:
 
     def _share(self) -> float:
         budget, state = self._run.budget, self._state
-        share = state.agent_steps / budget.agent_steps
+        share = state.agent_steps / budget.most_steps
         return min(1.0, max(share, state.seconds / (60 * budget.minutes) if budget.minutes else 0.0))
 
     def _iterate(self) -> tuple[RunProgress, dict[str, Any]]:
         began = time.monotonic()
         interval = self._run.task_setting.environment.decision_interval
-        self._algo.actions_left = (self._run.budget.agent_steps - self._state.agent_steps) / interval
+        self._algo.actions_left = (self._run.budget.most_steps - self._state.agent_steps) / interval
         result = self._algo.train()
         took = time.monotonic() - began
         runners = result["env_runners"]

@@ -158,7 +158,7 @@ def _read(file: Path, by: str, extended_by: tuple[Path, ...]) -> Source:
 
 def _located(file: Path, folder: Path) -> Path:
     """Return the path of a file relative to a folder, or of one in `PACKAGED` if it does not exist there."""
-    beside, packaged = folder / file, PACKAGED / file.name
+    beside, packaged = folder / file, PACKAGED / (file.name if file.suffix else f"{file.name}.yaml")
     is_name = file.parent in (Path(), Path(PACKAGED.name))
     return packaged if is_name and not beside.exists() and packaged.is_file() else beside
 

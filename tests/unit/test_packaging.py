@@ -59,7 +59,7 @@ import smarts
 from benchmark.experiment.config import read_experiment
 from smarts.sstudio.build import build_scenario
 print(Path(smarts.__file__).parents[1])
-print(read_experiment(Path("own.yaml")).algorithms, read_experiment(Path("paper_table.yaml")).name)
+print(read_experiment(Path("own.yaml")).algorithms, read_experiment(Path("paper_table")).name)
 print(build_scenario("loop").directory)
 from smarts.geometry.segments import project
 print(project.stats.cache_path)

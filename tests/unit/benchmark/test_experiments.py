@@ -65,7 +65,7 @@ settings: {ppo: {lr: 0.2}}
 budget: {agent_steps: 20, minutes: 5}
 by_task:
   loop: {budget: {agent_steps: 10}, training: {lr: 0.3, gamma: 0.5}}
-  loop/random_social_vehicles: {budget: {minutes: null}, settings: {ppo: {lr: [[0, 0.4], [9, 0.1]]}}}
+  loop/random_social_vehicles: {budget: {agent_steps: null}, settings: {ppo: {lr: [[0, 0.4], [9, 0.1]]}}}
 """
 
 
@@ -78,8 +78,8 @@ def test_tasks_have_budgets_and_settings_of_their_own(write):
     assert runs["ppo", alone] == ({"lr": 0.2, "gamma": 0.5}, {"agent_steps": 10, "minutes": 5.0})
     assert runs["dqn", alone] == ({"lr": 0.3, "gamma": 0.5}, {"agent_steps": 10, "minutes": 5.0})
     scheduled = {"lr": [[0.0, 0.4], [9.0, 0.1]], "gamma": 0.5}
-    assert runs["ppo", among] == (scheduled, {"agent_steps": 10, "minutes": None})
-    assert runs["dqn", among] == ({"lr": 0.3, "gamma": 0.5}, {"agent_steps": 10, "minutes": None})
+    assert runs["ppo", among] == (scheduled, {"agent_steps": None, "minutes": 5.0})
+    assert runs["dqn", among] == ({"lr": 0.3, "gamma": 0.5}, {"agent_steps": None, "minutes": 5.0})
     for traffic in ("no_social_vehicles", "random_social_vehicles"):
         for algorithm, lr in (("ppo", 0.2), ("dqn", 0.1)):
             found = runs[algorithm, f"both, {traffic}"]
@@ -136,6 +136,8 @@ def test_the_content_follows_what_training_depends_on_and_nothing_else(write):
         # types and ranges
         ("algorithms=ppo", "algorithms is 'ppo'; input should be a list: [ppo]"),
         ("tasks=[loop, loop]", "there twice"),
+        ("budget.agent_steps=1e30", "input should be less than or equal to 1000000000000"),
+        ("budget.agent_steps=null", "budget: has neither agent_steps nor minutes"),
         ("budget.minutes=12:30", "budget.minutes is '12:30'; input should be a valid number"),
         ("resources.address=foo", "resources.address: 'foo' is not where a Ray cluster can be; write auto"),
         ("training.gamma=7.0", "training.gamma: 7.0; "),

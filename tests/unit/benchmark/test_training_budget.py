@@ -23,7 +23,7 @@ traffic: [no_social_vehicles]
 seeds: [3]
 training: {rollout_fragment_length: 4}
 environment: {agents: 1}
-budget: {agent_steps: 1000000, minutes: 0.05}
+budget: {agent_steps: null, minutes: 0.05}
 evaluation: {validations: 3, validation_episodes: 1}
 resources: {num_envs_per_env_runner: 1}
 """
