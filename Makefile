@@ -6,22 +6,29 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-INSTALLED := $(VENV)/.installed
-PACKAGES := $(VENV)/.packages
 SYSTEM := $(VENV)/.system
+PACKAGES := $(VENV)/.packages
+INSTALLED := $(VENV)/.installed
+TOOLS := $(VENV)/.tools
+KERNELS := $(VENV)/.kernels
+PIP := $(BIN)/pip install --quiet --no-compile --constraint constraints.txt \
+	$(if $(TORCH),--extra-index-url https://download.pytorch.org/whl/$(TORCH))
+
+# Python keeps the byte code of what it imports; pip would compile all that is never imported, too.
+unexport PYTHONDONTWRITEBYTECODE
 
 # Shared libraries that SUMO's wheels load from the system, and the Debian packages that hold them.
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install packages run traffic test test-fast check format build-scenario pages docs pictures page lock clean
+.PHONY: help install tools run traffic test test-fast check format build-scenario pages docs pictures page lock wheel clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: $(INSTALLED)  ## create .venv, install everything and compile the kernels
+install: $(INSTALLED)  ## create .venv with what `make run` needs (TORCH=cpu: PyTorch without CUDA)
 
-packages: $(PACKAGES)  ## create .venv and install everything, without compiling the kernels
+tools: $(TOOLS)  ## install what tests, checks and documents need
 
 run: $(INSTALLED)  ## train PPO at the intersection, test it and write the report: three minutes on two idle cores
 	$(BIN)/smarts-bench run configs/quickstart.yaml
@@ -29,19 +36,19 @@ run: $(INSTALLED)  ## train PPO at the intersection, test it and write the repor
 traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
-test: $(INSTALLED)  ## run all tests but the nightly ones
+test: $(KERNELS)  ## run all tests but the nightly ones
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not nightly"
 
-test-fast: $(INSTALLED)  ## run the tests that take seconds
+test-fast: $(KERNELS)  ## run the tests that take seconds
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly"
 
-check: $(INSTALLED)  ## format, lint, types and fast tests
+check: $(KERNELS)  ## format, lint, types and fast tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(MAKE) --no-print-directory test-fast
 
-format: $(INSTALLED)  ## format the code
+format: $(TOOLS)  ## format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
@@ -49,13 +56,13 @@ build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario
 	@test -n "$(scenario)" || { echo "usage: make build-scenario scenario=DIRECTORY" >&2; exit 2; }
 	$(BIN)/smarts-bench scenario build "$(scenario)"
 
-pages: $(INSTALLED)  ## write the API reference from the docstrings, and the examples into their pages
+pages: $(TOOLS)  ## write the API reference from the docstrings, and the examples into their pages
 	$(BIN)/python -m docs.write_pages
 
-docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no network
+docs: $(TOOLS)  ## build the documents: site/index.html, which needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --clean
 
-pictures: $(INSTALLED)  ## draw the sheet of all scenarios, and the film and pictures of the README in Envision
+pictures: $(KERNELS)  ## draw the sheet of all scenarios, and the film and pictures of the README in Envision
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
 	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
@@ -76,35 +83,53 @@ lock: ## write the exact versions of a fresh installation to constraints.txt
 	.venv-lock/bin/pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt
 	rm -rf .venv-lock
 
+wheel: $(SYSTEM)  ## build a wheel with scenarios and configs, in dist/
+	$(BIN)/pip wheel --quiet --no-deps --wheel-dir dist .
+
 clean:  ## remove the virtual environment and built scenarios
 	rm -rf $(VENV) scenarios/*/build
 
 $(SYSTEM):
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else f"Python 3.11 is needed, {sys.executable} is {v[0]}.{v[1]}: make PYTHON=python3.11 ...")'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11 to 3.13 is needed, {sys.executable} is {v[0]}.{v[1]}: make PYTHON=python3.13 ...")'
 	@missing=; for library in $(LIBRARIES); do ldconfig -p | grep -q "$$library" || missing=1; done; \
 	if [ -n "$$missing" ]; then \
 		sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
 		{ $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends $(DEBIAN); } \
 		|| { echo "SUMO needs $(LIBRARIES): install $(DEBIAN) and run make again" >&2; exit 2; }; \
 	fi
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
+	@echo "Installing 2.5 GB of packages in $(VENV): some minutes."
+	@echo "PyPI's PyTorch brings 3 GB of CUDA; \`make install TORCH=cpu\` takes the one without."
+	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' && \
+		echo "pybullet has no wheel for this Python: the C++ compiler builds it once, in 6 minutes." || true
+	$(PIP) --editable '.[learn]'
+	@# Wheels bring the same libraries several times; pybullet's also symbols for debuggers, and robots.
+	@rm -rf $(VENV)/lib/python3.*/site-packages/pybullet_{data,envs}
+	@! command -v strip >/dev/null || strip -g $(VENV)/lib/python3.*/site-packages/pybullet.*.so
+	@! command -v hardlink >/dev/null || hardlink -q -c $(VENV)
+	@touch $@
+
+$(INSTALLED): $(PACKAGES)
+	$(BIN)/smarts-bench compile --experiments
+	@touch $@
+
+$(TOOLS): $(PACKAGES)
 	@command -v chromium >/dev/null || { \
 		sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
 		{ $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends chromium; } \
 		|| echo "tests in a browser (tests/envision) need chromium, which could not be installed" >&2; \
 	}
-	$(PYTHON) -m venv $(VENV)
+	@echo "Installing 1 GB of packages for tests and documents in $(VENV): a minute or two."
+	$(PIP) --editable '.[dev,docs,learn]'
 	@touch $@
 
-# Where PYTHONDONTWRITEBYTECODE is set, every process would compile these sources anew.
-$(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,docs,learn]'
-	$(BIN)/python -m compileall -q -j 2 algorithms benchmark perf smarts smarts_agent_kit
-	@touch $@
-
-$(INSTALLED): $(PACKAGES)
+$(KERNELS): $(TOOLS)
 	$(BIN)/smarts-bench compile
 	@touch $@
 
 .PHONY: nightly
-nightly: $(INSTALLED)  ## run the nightly tests and what trains; the output is results/nightly.txt
+nightly: $(KERNELS)  ## run the nightly tests and what trains; the output is results/nightly.txt
 	$(BIN)/python -m tests.nightly > results/nightly.txt

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -43,12 +44,16 @@ def doctor() -> None:
         raise typer.Exit(1)
 
 
-def compile_kernels() -> None:
+def compile_kernels(
+    experiments: Annotated[
+        bool, typer.Option("--experiments", help="Only what most experiments use.")
+    ] = False,
+) -> None:
     """Compile all kernels in advance. Kernels in the cache are skipped."""
     from benchmark.running.compiling import kernel_users
     from smarts.geometry.compiling import Compilations
 
-    runs = kernel_users()
+    runs = kernel_users(only_experiments=experiments)
     with Compilations() as compiled:
         for number, (name, run) in enumerate(runs.items(), start=1):
             before = compiled.count

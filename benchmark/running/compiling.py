@@ -25,14 +25,19 @@ STEPS = 6
 """Decisions of an environment. A kernel is compiled with all kernels that it may call."""
 
 
-def kernel_users() -> Mapping[str, Callable[[], None]]:
-    """Return short runs of everything that has kernels, by name."""
+def kernel_users(*, only_experiments: bool = False) -> Mapping[str, Callable[[], None]]:
+    """Return short runs of everything that has kernels, by name, or of what most experiments use."""
     runs: dict[str, Callable[[], None]] = {
         "benchmark observation": _benchmark,
+        "observation and reward of version 1": partial(_benchmark, observation="neighbor_rows", reward="v1"),
+        "recording and metrics": _measured,
+    }
+    if only_experiments:
+        return runs
+    runs |= {
         "image and the paper's reward": partial(
             _benchmark, observation={"base": "benchmark", "stacked": ["image"]}, reward="paper"
         ),
-        "recording and metrics": _measured,
         "all sensors": partial(_drive, AgentInterface.from_type(AgentType.Full, occlusion_map=True)),
     }
     for action in ActionSpaceType:

@@ -17,7 +17,7 @@ PATIENCE = 180_000
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     found = shutil.which(CHROMIUM)
-    assert found, f"{CHROMIUM} is missing: `make install` gets it"
+    assert found, f"{CHROMIUM} is missing: `make test` gets it"
     expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=FLAGS)
