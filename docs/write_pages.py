@@ -2,11 +2,14 @@
 
 - `docs/api/`: the reference, from signatures, docstrings and schemas.
 - Blocks with `title="examples/..."`: that file.
+- `examples/tour.ipynb`: the tour as a notebook.
 """
 
 from __future__ import annotations
 
 import functools
+import json
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +21,10 @@ from docs import schema_pages
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLE = re.compile(r'(```\w+ title="(examples/[^"]+)"\n).*?(^```$)', re.DOTALL | re.MULTILINE)
+TOUR, NOTEBOOK = ROOT / "docs" / "guide" / "tour.md", ROOT / "examples" / "tour.ipynb"
+FENCE = re.compile(r"^```(\w+)[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\((?!http)([^)]+)\)")
+PICTURE = re.compile(r"--out (\S+\.(?:png|gif))")
 MADE = "<!-- Made by `make pages` from the code: change that. -->"
 TYPES = {
     "Scenario": "Scenario Variation StartVariation ScenarioMetadata MapSpec",
@@ -109,6 +116,33 @@ def texts() -> Iterator[tuple[Path, str]]:
         text = page.read_text()
         if page.parent.name != "api":
             yield page, EXAMPLE.sub(lambda match: f"{match[1]}{_source(match[2])}{match[3]}", text)
+    yield NOTEBOOK, _notebook()
+
+
+def _notebook() -> str:
+    """Return the tour as a notebook: its prose and code, and what its commands draw, without outputs."""
+    page = re.sub(r"<!--.*?-->\n", "", TOUR.read_text())
+    page = LINK.sub(lambda match: f"]({os.path.relpath(TOUR.parent / match[1], NOTEBOOK.parent)})", page)
+    cells = [_cell("markdown", MADE.replace("from the code", "from docs/guide/tour.md"))]
+    end = 0
+    for block in FENCE.finditer(page):
+        language, code = block.groups()
+        cells.append(_cell("markdown", page[end : block.start()]))
+        if language == "python":
+            cells.append(_cell("code", code))
+        elif language == "console":
+            cells.append(_cell("code", code.replace("$ ", "!")))
+            cells += [_cell("markdown", f"![{name}]({name})") for name in PICTURE.findall(code)]
+        end = block.end()
+    cells.append(_cell("markdown", page[end:]))
+    kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    whole = {"cells": [cell for cell in cells if cell["source"]], "metadata": kernel}
+    return json.dumps({**whole, "nbformat": 4, "nbformat_minor": 4}, indent=1, ensure_ascii=False) + "\n"
+
+
+def _cell(kind: str, text: str) -> dict:
+    code = {"execution_count": None, "outputs": []} if kind == "code" else {}
+    return {"cell_type": kind, "metadata": {}, **code, "source": text.strip().splitlines(keepends=True)}
 
 
 def _source(example: str) -> str:
