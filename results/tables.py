@@ -19,7 +19,7 @@ from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
-FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes", "partners")}
+FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes",)}
 """File -> its tables."""
 TASKS, ALONE, SOCIAL = (
     ("two_way", "double_merge", "intersection"),
@@ -42,13 +42,6 @@ ALGORITHMS = {
     "maddpg": "MADDPG",
 }
 RULES = "gap_acceptance"
-PLAYS = {
-    "self-play": "alone",
-    "XP": "with partners",
-    "wet_road": "wet road",
-    "latency_500": "500 ms",
-}
-"""Column of robustness.csv -> heading."""
 BEGIN, END = "<!-- table ", "<!-- end of table -->"
 
 Values = dict[tuple[str, str, str, str, str], dict[str, str]]
@@ -106,26 +99,7 @@ def modes_table(values: Values) -> Iterable[Sequence[str]]:
         yield (label, *("; ".join(filter(None, each)) for each in parts))
 
 
-def partners_table(_: Values) -> Iterable[Sequence[str]]:
-    """Yield rows of greedy rates of each policy alone, with others' partners, and under other conditions."""
-    yield ("task", "policy", *PLAYS.values())
-    with (RESULTS / "report" / "robustness.csv").open(newline="") as file:
-        plays: dict[tuple[str, ...], dict[str, float]] = {}
-        for row in csv.DictReader(file):
-            place = row["task"], row["policy"], row["kind"], row["with"]
-            plays.setdefault(place, {})[row["metric"]] = float(row["value"])
-    for task in TASKS:
-        for name, label in [*ALGORITHMS.items(), (RULES, f"`{RULES}`")]:
-            own = {
-                key[2:]: f"{rates['collision_rate']:.2f} / {rates['completion_rate']:.2f}"
-                for key, rates in plays.items()
-                if key[:2] == (f"{task}_v1", name)
-            }
-            figures = [next(own[key] for key in own if key[1] == play) for play in PLAYS]
-            yield (task.replace("_", " "), label, *figures)
-
-
-TABLES = {"paper": paper_table, "modes": modes_table, "partners": partners_table}
+TABLES = {"paper": paper_table, "modes": modes_table}
 
 
 def lines_of(name: str, values: Values) -> str:

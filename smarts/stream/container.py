@@ -1,4 +1,4 @@
-"""Sequences of messages as bytes. docs/guide/envision.md describes the format.
+"""Sequences of messages as bytes. `smarts.stream` describes the format.
 
 A message is a msgpack map with the key `type`. A compact episode is `MAGIC`, then messages, each behind its
 length; a live stream is the same messages, one in each WebSocket frame.
