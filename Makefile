@@ -14,8 +14,8 @@ KERNELS := $(VENV)/.kernels
 PIP := $(BIN)/pip install --quiet --no-compile --constraint constraints.txt \
 	$(if $(TORCH),--extra-index-url https://download.pytorch.org/whl/$(TORCH))
 
-# Python keeps the byte code of what it imports; pip would compile all that is never imported, too.
-unexport PYTHONDONTWRITEBYTECODE
+# Python keeps the byte code of what it imports, and pip would compile the rest, too: 300 MB.
+KEEPING := env -u PYTHONDONTWRITEBYTECODE
 
 # Shared libraries that SUMO's wheels load from the system, and the Debian packages that hold them.
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
@@ -31,7 +31,7 @@ install: $(INSTALLED)  ## create .venv with what `make run` needs (TORCH=cpu: Py
 tools: $(TOOLS)  ## install what tests, checks and documents need
 
 run: $(INSTALLED)  ## train PPO at the intersection, test it and write the report: three minutes on two idle cores
-	$(BIN)/smarts-bench run configs/quickstart.yaml
+	$(KEEPING) $(BIN)/smarts-bench run configs/quickstart.yaml
 
 traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
@@ -102,7 +102,7 @@ $(SYSTEM):
 
 $(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
 	@echo "Installing 2.5 GB of packages in $(VENV): some minutes."
-	@echo "PyPI's PyTorch brings 3 GB of CUDA; \`make install TORCH=cpu\` takes the one without."
+	@[ -n "$(TORCH)" ] || echo "PyPI's PyTorch brings 3 GB of CUDA; \`make install TORCH=cpu\` takes the one without."
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' && \
 		echo "pybullet has no wheel for this Python: the C++ compiler builds it once, in 6 minutes." || true
 	$(PIP) --editable '.[learn]'
@@ -113,7 +113,7 @@ $(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
 	@touch $@
 
 $(INSTALLED): $(PACKAGES)
-	$(BIN)/smarts-bench compile --experiments
+	$(KEEPING) $(BIN)/smarts-bench compile --experiments
 	@touch $@
 
 $(TOOLS): $(PACKAGES)
@@ -124,6 +124,8 @@ $(TOOLS): $(PACKAGES)
 	}
 	@echo "Installing 1 GB of packages for tests and documents in $(VENV): a minute or two."
 	$(PIP) --editable '.[dev,docs,learn]'
+	@# Tests start many processes, each of which would compile sources anew where PYTHONDONTWRITEBYTECODE is set.
+	@$(BIN)/python -m compileall -qq -j 2 $(VENV)/lib algorithms benchmark perf smarts smarts_agent_kit || true
 	@touch $@
 
 $(KERNELS): $(TOOLS)
