@@ -173,8 +173,9 @@ def larger_budget(report: Report) -> str:
         return ""
     ((minutes, steps),) = budgets
     took = [run.progress["agent_steps"].iloc[-1] for run in runs if run.progress is not None]
-    is_by_time = minutes and (steps is None or max(took) < steps)
-    return f"budget.minutes={LONGER * minutes:g}" if is_by_time else f"budget.agent_steps={LONGER * steps}"
+    if steps is None or (minutes and max(took) < steps):
+        return f"budget.minutes={LONGER * minutes:g}"
+    return f"budget.agent_steps={LONGER * steps}"
 
 
 def _has_own_budget(report: Report, run: RunResult) -> bool:
