@@ -125,7 +125,7 @@ $(TOOLS): $(PACKAGES)
 	@echo "Installing 1 GB of packages for tests and documents in $(VENV): a minute or two."
 	$(PIP) --editable '.[dev,docs,learn]'
 	@# Tests start many processes, each of which would compile sources anew where PYTHONDONTWRITEBYTECODE is set.
-	@$(BIN)/python -m compileall -qq -j 2 $(VENV)/lib algorithms benchmark perf smarts smarts_agent_kit || true
+	@$(BIN)/python -m compileall -qq -j 2 $(VENV)/lib algorithms benchmark perf smarts smarts_agent_kit 2>/dev/null || true
 	@touch $@
 
 $(KERNELS): $(TOOLS)
