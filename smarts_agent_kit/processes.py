@@ -1,18 +1,24 @@
-"""Starts the processes of agents."""
+"""Starts and ends the processes of agents."""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
 from smarts_agent_kit.handshake import SECRET
 
-PROGRAM = Path(__file__).absolute().with_name("child.py")
+PROGRAM = (
+    "import json, sys; given = json.loads(sys.argv[1]); sys.path[:] = given['paths']; "
+    "from smarts_agent_kit.worker import work; work(given)"
+)
 VIEWER = "SMARTS_ENVISION"
 """May hold the token of a viewer's server."""
 KEPT = ("PATH", "HOME", "USER", "LANG", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONHASHSEED", "SUMO_HOME")
@@ -30,42 +36,45 @@ def clean_environment() -> dict[str, str]:
 
 
 def start_process(
-    python: Sequence[str],
-    fd: int,
-    module: str,
-    *,
-    memory: float,
-    paths: Sequence[str] | None = None,
-    **values: Any,
+    fd: int, module: str, *, memory: float, paths: Sequence[str], **values: Any
 ) -> tuple[subprocess.Popen, str]:
-    """Start a supervised process that serves an agent; its standard input is its lifeline.
+    """Start a process that serves an agent, in a group of its own; its standard input is its lifeline.
 
     Args:
-        python: The interpreter, with its options.
         fd: Its end of the connection to the simulator; when the simulator closes the other, it ends.
         module: Has the function `load`, which makes the agent.
         memory: The most that it may write to [GB].
-        paths: Its `sys.path`; None: the interpreter's own.
+        paths: Its `sys.path`.
         values: `agent` and `options`, if they are fixed; else they come from the simulator.
 
     Returns:
-        The process, and the folder of its temporary files, which it removes when it ends.
-
-    Raises:
-        OSError: It does not start.
+        The process, and the folder of its temporary files; `end_process` takes both.
     """
     folder = tempfile.mkdtemp(prefix="smarts-agent-")
     given = {"fd": fd, "module": module, "memory": int(memory * 1e9), "paths": paths, "folder": folder}
-    try:
-        process = subprocess.Popen(
-            [*python, str(PROGRAM), json.dumps({**given, "values": values or None})],
-            env=clean_environment(),
-            stdin=subprocess.PIPE,
-            stdout=2,
-            pass_fds=[fd],
-            start_new_session=True,
-        )
-    except OSError:
-        os.rmdir(folder)
-        raise
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, json.dumps({**given, "values": values or None})],
+        env=clean_environment(),
+        stdin=subprocess.PIPE,
+        stdout=2,
+        pass_fds=[fd],
+        start_new_session=True,
+    )
     return process, folder
+
+
+def end_process(process: subprocess.Popen, folder: str) -> None:
+    """End an agent's process and those that it has started, and remove its temporary files."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    with process:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def ending(code: int) -> str:
+    """Return how an agent's process has ended, from its exit code."""
+    if code >= 0:
+        return f"its process has ended with exit code {code}"
+    name = signal.Signals(-code).name
+    cause = ", by a user or for want of memory" if name == "SIGKILL" else ""
+    return f"its process was killed by {name}{cause}"

@@ -14,7 +14,7 @@ from typing import Any
 
 from smarts_agent_kit.channel import Channel, ClosedError
 from smarts_agent_kit.handshake import SECRET, RefusedError, admit
-from smarts_agent_kit.processes import start_process
+from smarts_agent_kit.processes import end_process, start_process
 from smarts_agent_kit.wire import WireError
 
 MOST_CONNECTIONS = 64
@@ -149,13 +149,12 @@ class _Server:
                         admit(channel, self._secret, has_room)
                     finally:
                         self._end_greeting(connection)
-                    process, _ = start_process(
-                        [sys.executable], channel.fileno(), self._module, **self._values
-                    )
+                    started = start_process(channel.fileno(), self._module, **self._values)
             except (RefusedError, TimeoutError, WireError, ClosedError, OSError) as error:
                 print(f"refused a connection: {error}", file=sys.stderr)
             else:
-                process.wait()
+                started[0].wait()
+                end_process(*started)
 
     def _end_greeting(self, connection: socket.socket) -> None:
         with self._lock, suppress(ValueError):  # it has given way

@@ -1,4 +1,7 @@
-"""What an agent's process does below its supervisor: it limits its memory, and answers the simulator."""
+"""The program of an agent's process: it limits its memory, answers the simulator, and ends with it.
+
+That keeps an agent's mistakes from the simulator; it is no sandbox.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,12 @@ import importlib
 import io
 import os
 import resource
+import select
+import shutil
+import signal
 import socket
 import sys
+import threading
 from collections.abc import Mapping
 from contextlib import closing, suppress
 from pathlib import Path
@@ -19,11 +26,29 @@ from smarts_agent_kit.service import Make, Service
 
 def work(given: Mapping[str, Any]) -> None:
     """Serve an agent until the simulator closes the connection; see `processes.start_process` for `given`."""
+    lifeline = os.dup(0)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
+    simulator = lifeline, given["fd"], given["folder"]
+    end = threading.Thread(target=_end_with_simulator, args=simulator, daemon=True)
+    end.start()
+    os.environ["TMPDIR"] = given["folder"]
     limit_memory(given["memory"])
     if isinstance(sys.stdout, io.TextIOWrapper):  # what an agent prints is seen at once, however it ends
         sys.stdout.reconfigure(line_buffering=True)
     load, values = importlib.import_module(given["module"]).load, given["values"]
     serve(given["fd"], load if values is None else lambda _: load(values))
+    end.join()
+
+
+def _end_with_simulator(lifeline: int, connection: int, folder: str) -> None:
+    """Kill this process and those that it has started when the simulator ends; remove its temporary files."""
+    poll = select.poll()
+    poll.register(lifeline, select.POLLIN | select.POLLHUP)
+    poll.register(connection, select.POLLRDHUP | select.POLLHUP)
+    poll.poll()
+    shutil.rmtree(folder, ignore_errors=True)
+    os.killpg(0, signal.SIGKILL)
 
 
 def serve(fd: int, make: Make) -> None:

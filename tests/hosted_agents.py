@@ -64,9 +64,8 @@ class Misbehaving(BatchAgent):
 
     def fork(self, count):
         if os.fork() == 0:
-            os.setsid()
             time.sleep(1000)
-        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
         return np.zeros(count, int)
 
     def nothing(self, count):

@@ -1,7 +1,6 @@
 """Environments with social agents in processes of their own."""
 
 from contextlib import closing
-from pathlib import Path
 
 import numpy as np
 
@@ -51,11 +50,6 @@ def hosted(how, **host):
     """Return one agent that misbehaves at its third request, and where it acts."""
     social = [{"agent": MISBEHAVING, "count": 2, "options": {"how": how}}, {"agent": DRAWING, "count": 1}]
     return social, {MISBEHAVING: {"where": "process", "patience": 30.0, **host}}
-
-
-def workers_of(link):
-    """Return the process of an agent, below its supervisor, if it is there."""
-    return [int(pid) for pid in Path(f"/proc/{link.pid}/task/{link.pid}/children").read_text().split()]
 
 
 def host_of(env):

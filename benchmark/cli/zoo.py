@@ -97,46 +97,16 @@ def add(
 def remove(
     name: Annotated[str, typer.Argument(metavar="NAME", help="An agent that was added.", show_default=False)],
 ) -> None:
-    """Remove an added agent from the user's zoo, and its environment; its folder stays."""
+    """Remove an added agent from the user's zoo; its folder stays."""
     from smarts.zoo.folders import remove_added, zoo_file
-    from smarts.zoo.separate import uninstall
 
     remove_added(name)
     typer.echo(f"removed {name} from {zoo_file()}")
-    for folder in uninstall(name):
-        typer.echo(f"removed {folder}")
-
-
-@app.command()
-def clean() -> None:
-    """Remove the environments that no added agent uses any more."""
-    from smarts.zoo.folders import added_agents
-    from smarts.zoo.separate import clean as clean_up
-
-    removed = clean_up(added_agents().values())
-    for folder in removed:
-        typer.echo(f"removed {folder}")
-    if not removed:
-        typer.echo("every environment is in use")
-
-
-@app.command()
-def install(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="An added agent with a pyproject.toml.")],
-    python: Annotated[
-        str | None, typer.Option(help="Interpreter of the environment.", show_default="this one")
-    ] = None,
-) -> None:
-    """Build the environment of an agent that has dependencies of its own."""
-    from smarts.zoo import find_entry
-    from smarts.zoo.separate import install as build
-
-    typer.echo(f"installed {build(find_entry(name), python or '')}")
 
 
 @app.command()
 def kit(out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path()) -> None:
-    """Write the wheel of the agents' kit, which an agent needs on another machine."""
+    """Write the wheel of the agents' kit, for another machine or environment."""
     from benchmark.results.files import named_failures
     from smarts.zoo.kit_wheel import build_wheel
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
 from smarts.agents.hosting.facts import check_period
-from smarts.agents.hosting.links import InChildProcess, is_address
+from smarts.agents.hosting.links import is_address
 from smarts.agents.hosting.options import (
     IN_PROCESS,
     OTHERS,
@@ -30,6 +30,7 @@ from smarts.agents.social import (
     SocialPolicy,
     Wanted,
     distinct,
+    interface_of,
     wanted,
 )
 from smarts.agents.spec import AgentSpec
@@ -282,8 +283,7 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
                 place=place,
                 remedy="leave `where` out of its entry in hosts",
             )
-        start = agent.start
-        return replace(start, memory=host.memory) if isinstance(start, InChildProcess) else start
+        return agent.start
     if host.where == IN_PROCESS:
         if is_named and host.deadline_ms is not None:
             raise HostError(
@@ -304,13 +304,7 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
 
 
 def _interface(spec: AgentSpec, place: str) -> AgentInterface:
-    interface = spec.interface
-    if not isinstance(interface, AgentInterface):
-        raise InterfaceError(
-            f"the interface is {interface!r}",
-            place=place,
-            remedy="give AgentSpec(interface=AgentInterface(...))",
-        )
+    interface = interface_of(spec)
     if interface.action in (None, ActionSpaceType.Empty):
         raise InterfaceError(
             f"the interface's action is {interface.action!r}: the agent cannot drive",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,9 @@ from smarts.registry import import_own, load_module
 from smarts.shipped import local
 from smarts.whole_files import written_whole
 from smarts.zoo.entry import ZooEntry
-from smarts.zoo.separate import SeparateEntry, locked
 
 PLACE = "SMARTS_ZOO"
 """Environment variable that names another file than `~/.config/smarts-bench/zoo.yaml`."""
-AGENT = "agent"
-"""Key of the "module:Class" of an agent with an environment of its own."""
 _METADATA = ("author", "m_level", "provenance", "licence")
 
 
@@ -36,7 +32,7 @@ def added_agents() -> dict[str, ZooEntry]:
     Raises:
         SmartsError: The file is not readable.
     """
-    return {name: _entry(name, about) for name, about in _content().items()}
+    return {name: ZooEntry(name, "", **about) for name, about in _content().items()}
 
 
 def write_added(entries: Sequence[ZooEntry]) -> None:
@@ -45,13 +41,11 @@ def write_added(entries: Sequence[ZooEntry]) -> None:
     Raises:
         SmartsError: The file is not readable or cannot be written.
     """
-    with _changed() as content:
-        for entry in entries:
-            about = {name: getattr(entry, name) for name in _METADATA}
-            own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
-            content[entry.name] = (
-                {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
-            )
+    content = dict(_content())
+    for entry in entries:
+        about = {name: getattr(entry, name) for name in ("folder", *_METADATA)}
+        content[entry.name] = {key: text for key, text in about.items() if text}
+    _write(content)
 
 
 def remove_added(name: str) -> None:
@@ -60,14 +54,13 @@ def remove_added(name: str) -> None:
     Raises:
         SmartsError: No such agent was added, or the file is not readable or cannot be written.
     """
-    with _changed() as content:
-        if name not in content:
-            raise UnknownNameError(
-                f"no added agent is called {name!r}",
-                place=str(zoo_file()),
-                remedy=nearest_names(name, content),
-            )
-        del content[name]
+    content = dict(_content())
+    if name not in content:
+        raise UnknownNameError(
+            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
+        )
+    del content[name]
+    _write(content)
 
 
 def import_folder(folder: str | Path) -> str:
@@ -88,13 +81,8 @@ def import_folder(folder: str | Path) -> str:
     return path.stem
 
 
-@contextmanager
-def _changed() -> Iterator[dict[str, Any]]:
-    """Yield the content of the file, and write it with what the caller has changed."""
-    file = zoo_file()
-    with locked(file.with_name(f".{file.name}.lock")), written_whole(file) as written:
-        content = dict(_content())
-        yield content
+def _write(content: Mapping[str, Any]) -> None:
+    with written_whole(zoo_file()) as written:
         written.write_text(yaml.safe_dump(content), encoding="utf-8")
 
 
@@ -109,9 +97,3 @@ def _content() -> Mapping[str, Any]:
             "the list of added agents is not readable", place=str(file), remedy="mend or remove it"
         ) from error
     return content
-
-
-def _entry(name: str, about: Mapping[str, Any]) -> ZooEntry:
-    kind = SeparateEntry if AGENT in about else ZooEntry
-    known: dict[str, Any] = {key: str(about.get(key, "")) for key in _METADATA}
-    return kind(name, str(about.get(AGENT, "")), folder=about["folder"], **known)

@@ -28,7 +28,9 @@ OLDEST = (1980, 1, 1, 0, 0, 0)
 def build_wheel(folder: str | Path) -> Path:
     """Write the wheel into a folder, and return its path."""
     stem = f"{NAME}-{smarts_agent_kit.__version__}"
-    files = {f"{NAME}/{name}": content for name, content in _sources().items()}
+    root = Path(smarts_agent_kit.__file__).parent
+    sources = sorted([*root.glob("*.py"), root / "py.typed"])
+    files = {f"{NAME}/{file.name}": file.read_bytes() for file in sources}
     files |= {
         f"{stem}.dist-info/METADATA": METADATA.encode(),
         f"{stem}.dist-info/WHEEL": WHEEL.encode(),
@@ -41,19 +43,6 @@ def build_wheel(folder: str | Path) -> Path:
         for name, content in files.items():
             archive.writestr(zipfile.ZipInfo(name, OLDEST), content)
     return wheel
-
-
-def kit_digest() -> str:
-    """Return a digest of the kit's content."""
-    found = hashlib.sha256()
-    for name, content in _sources().items():
-        found.update(f"{name} {len(content)} ".encode() + content)
-    return found.hexdigest()
-
-
-def _sources() -> dict[str, bytes]:
-    root = Path(smarts_agent_kit.__file__).parent
-    return {file.name: file.read_bytes() for file in sorted([*root.glob("*.py"), root / "py.typed"])}
 
 
 def _digest(content: bytes) -> str:

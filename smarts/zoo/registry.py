@@ -27,7 +27,6 @@ from smarts.registry import guarded, load_module, own_error
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
 from smarts.zoo.folders import added_agents, import_folder, write_added
-from smarts.zoo.separate import SeparateEntry, has_project, read_entries
 
 ORIGINALS = "zoo.policies"
 """The module of the original's agents, which its scenario files name."""
@@ -158,13 +157,18 @@ def search(folder: str | Path) -> None:
 
 
 def add_folder(folder: str | Path) -> list[ZooEntry]:
-    """Add the agents that a folder registers, or that its project names, to the user's zoo.
+    """Add the agents that a folder registers to the user's zoo.
 
     Raises:
         SmartsError: The folder does not exist, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
-    found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]
+    module = import_folder(folder)
+    found = [
+        replace(entry, folder=str(Path(folder).absolute()))
+        for (owner, _), entry in _REGISTERED.items()
+        if owner == module or owner.startswith(f"{module}.")
+    ]
     if not found:
         raise SmartsError(
             "the folder registers no agent",
@@ -177,20 +181,9 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
             raise SmartsError(
                 f"the name {entry.name!r} is taken", place=str(folder), remedy="choose another name"
             )
-        if not isinstance(entry, SeparateEntry):
-            entry.spec()
+        entry.spec()
     write_added(found)
     return found
-
-
-def _registered_in(folder: str | Path) -> list[ZooEntry]:
-    """Import a folder and return the agents that it registers."""
-    module = import_folder(folder)
-    return [
-        replace(entry, folder=str(Path(folder).absolute()))
-        for (owner, _), entry in _REGISTERED.items()
-        if owner == module or owner.startswith(f"{module}.")
-    ]
 
 
 def searched() -> list[str]:
@@ -245,8 +238,7 @@ def _named(name: str) -> ZooEntry:
     known = _known()
     if name in known:
         entry = known[name]
-        is_imported = entry.folder and not isinstance(entry, SeparateEntry)
-        return _registered_by(import_folder(entry.folder), name) if is_imported else entry
+        return _registered_by(import_folder(entry.folder), name) if entry.folder else entry
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -12,13 +11,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import ending
 from smarts_agent_kit.handshake import SECRET, RefusedError, greet
-from smarts_agent_kit.processes import start_process
+from smarts_agent_kit.processes import end_process, ending, start_process
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.wire import Message, WireError
 
@@ -43,7 +40,6 @@ class SocketLink:
         self.channel, self._process, self._folder = channel, process, folder
         self._owner = os.getpid()
         self.about: Mapping[str, Any] | None = None
-        _OPEN.add(self)
 
     @property
     def pid(self) -> int:
@@ -75,7 +71,7 @@ class SocketLink:
     def _named(self, error: ClosedError) -> ClosedError:
         """Return the error of a connection that has ended, with how the agent's process has."""
         if self._process is not None:
-            with suppress(subprocess.TimeoutExpired):  # the supervisor ends after its agent
+            with suppress(subprocess.TimeoutExpired):
                 return ClosedError(ending(self._process.wait(END_TIME)))
         return error
 
@@ -85,33 +81,14 @@ class SocketLink:
         In a process that was forked off the owner, only its ends of socket and lifeline are closed.
         """
         process, self._process = self._process, None
-        is_owner = self._owner == os.getpid()
-        self.channel.end() if is_owner else self.channel.close()
-        if process is None:
+        if self._owner != os.getpid():
+            self.channel.close()
+            if process is not None and process.stdin is not None:
+                process.stdin.close()
             return
-        assert process.stdin is not None
-        process.stdin.close()  # the supervisor ends all that is there, and itself
-        if not is_owner:
-            return
-        try:
-            process.wait(END_TIME)
-        except subprocess.TimeoutExpired:  # it was stopped
-            process.kill()
-            process.wait()
-        # The supervisor has done so, unless it was killed.
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-
-_OPEN: WeakSet[SocketLink] = WeakSet()
-"""The links of this process; those that a forked process inherits are closed there."""
-
-
-def _close_inherited() -> None:
-    for link in [*_OPEN]:
-        link.close()
-
-
-os.register_at_fork(after_in_child=_close_inherited)
+        self.channel.end()
+        if process is not None:
+            end_process(process, self._folder)
 
 
 @dataclass(frozen=True)
@@ -175,27 +152,14 @@ class InChildProcess:
     """Place that errors name."""
     memory: float
     """[GB]"""
-    python: str = ""
-    """Another interpreter, of an environment of its own; "": this one, with the modules of this process."""
 
     def open(self) -> SocketLink:
         """Start a process; see `Starter`."""
-        python = [self.python, "-I"] if self.python else [sys.executable]
-        paths = None if self.python else [os.path.abspath(path) for path in sys.path]
+        paths = [os.path.abspath(path) for path in sys.path]
         near, far = socket.socketpair()
         with far:
-            try:
-                process, folder = start_process(
-                    python, far.fileno(), self.module, memory=self.memory, paths=paths
-                )
-            except OSError as error:
-                near.close()
-                raise HostError(
-                    f"the process does not start: {error}",
-                    place=self.place,
-                    remedy="free memory and processes; where the agent has an environment, install it again",
-                ) from error
-        link = SocketLink(Channel(near), process, folder)
+            started = start_process(far.fileno(), self.module, memory=self.memory, paths=paths)
+        link = SocketLink(Channel(near), *started)
         try:
             link.send(Message("make", self.values))
         except WireError as error:

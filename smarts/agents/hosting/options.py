@@ -123,8 +123,8 @@ class HostOptions:
     PLACE: ClassVar = "hosts"
 
     where: Literal["in_process", "process", "ray"] = IN_PROCESS
-    """"in_process", "process" (on this machine) or "ray" (an actor). Agents at an address, and those with an
-    environment of their own, have their place: for them the default stands for it."""
+    """"in_process", "process" (on this machine) or "ray" (an actor). Agents at an address have their place:
+    for them the default stands for it."""
     patience: Annotated[float, Plain, Field(gt=0, le=3600)] = 10.0
     """How long an answer is waited for before the agent's host is ended and started again [s]; the first one
     of a process for `START_TIME` at least."""

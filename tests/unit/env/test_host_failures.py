@@ -11,15 +11,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from tests.hosting import (
-    DRAWING,
-    environment,
-    host_of,
-    hosted,
-    played,
-    steps,
-    workers_of,
-)
+from tests.hosting import DRAWING, environment, host_of, hosted, played, steps
 from tests.leftovers import is_running
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
@@ -42,7 +34,7 @@ def test_a_host_that_is_stopped_is_ended_and_started_again():
         env.reset()
         [*steps(env, 3)]
         (link,) = host_of(env).links.values()
-        os.kill(workers_of(link)[0], signal.SIGSTOP)
+        os.kill(link.pid, signal.SIGSTOP)
         failures = {}
         for result in steps(env, 2):
             failures |= result.social_failures.get(0, {})
@@ -61,7 +53,7 @@ def test_a_killed_agent_names_the_signal_and_the_step(number):
         env.reset()
         [*steps(env, 3)]
         (link,) = host_of(env).links.values()
-        os.kill(workers_of(link)[0], number)
+        os.kill(link.pid, number)
         (result,) = steps(env, 1)
         if not result.social_failures:  # the request was sent before
             (result,) = steps(env, 1)
@@ -79,7 +71,7 @@ def test_every_step_completes_whatever_is_killed():
         while kills < 12:
             for link in host_of(env).links.values():
                 if draws.random() < 0.7:
-                    os.kill(draws.choice([link.pid, *workers_of(link)]), signal.SIGKILL)
+                    os.kill(link.pid, signal.SIGKILL)
                     kills += 1
             wanted += (count := int(draws.integers(1, 4)))
             made += len([*steps(env, count)])
@@ -100,13 +92,13 @@ time.sleep(1000)
 
 
 def test_a_simulator_that_is_killed_leaves_no_process_and_no_file():
-    """The agent has started processes, in sessions of their own."""
+    """The agent has started processes."""
     command = [sys.executable, "-c", KILLED]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as simulator:
         assert simulator.stdout is not None
         started = [int(pid) for pid in simulator.stdout.readline().split()]
         simulator.kill()
-    assert len(started) == 4, "a supervisor, an agent, and two processes that it has started"
+    assert len(started) == 3, "an agent, and two processes that it has started"
     until = time.monotonic() + 20.0
     while any(map(is_running, started)) and time.monotonic() < until:
         time.sleep(0.05)

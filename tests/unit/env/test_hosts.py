@@ -19,7 +19,6 @@ from tests.hosting import (
     played,
     state,
     steps,
-    workers_of,
 )
 from tests.served_agents import served
 
@@ -66,7 +65,7 @@ def test_late_decisions_of_policies_with_one_name_are_added_up():
     with closing(environment(social, hosts)) as env:
         env.reset()
         for link in host_of(env).links.values():
-            os.kill(workers_of(link)[0], signal.SIGSTOP)
+            os.kill(link.pid, signal.SIGSTOP)
         [*steps(env, 2)]
         counts = [result.social_infos[0]["late_decisions"][MISBEHAVING] for result in steps(env, 4)]
     assert [after - before for before, after in pairwise(counts)] == [2, 2, 2]

@@ -1,8 +1,6 @@
 """Agents are found by locators, and what is wrong with one is named."""
 
-import fcntl
 import textwrap
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +10,6 @@ from smarts.errors import OwnCodeError, SmartsError, UnknownNameError
 from smarts.registry import import_own
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import entries, find_entry, make, make_agent, make_spec, registry, search
-from smarts.zoo.folders import write_added
 from smarts.zoo.registry import add_folder, build_agent
 from tests.raising import raises
 
@@ -147,22 +144,6 @@ def test_a_folder_is_added_for_later_processes(tmp_path, monkeypatch):
     listed = {entry.locator: entry for entry in entries()}["added-v0"]
     assert (listed.author, listed.licence, listed.folder) == ("me", "MIT", str(folder))
     assert isinstance(make_spec("added-v0"), AgentSpec)
-
-
-def test_the_list_is_locked_until_it_is_replaced(tmp_path, monkeypatch):
-    file = tmp_path / "zoo.yaml"
-    monkeypatch.setenv("SMARTS_ZOO", str(file))
-    replace, replaced = Path.replace, []
-
-    def checked(self, target):
-        with file.with_name(".zoo.yaml.lock").open("w") as lock, pytest.raises(BlockingIOError):
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        replaced.append(target)
-        return replace(self, target)
-
-    monkeypatch.setattr(Path, "replace", checked)
-    write_added([find_entry("keep-lane-v0")])
-    assert replaced == [file]
 
 
 def test_a_folder_without_an_agent(tmp_path):
