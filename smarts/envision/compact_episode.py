@@ -14,7 +14,6 @@ from smarts.errors import RecordError, SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.container import framed
 from smarts.stream.encoder import EpisodeEncoder
-from smarts.stream.motion import PER_METRE, PER_RADIAN
 from smarts.stream.road_map import map_message, origin_of
 from smarts.stream.tables import OUTCOMES, STATIC, STEPPED
 from smarts.types.episode_schema import (
@@ -79,7 +78,7 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
     yield from encoder.static({**static, "names": episode.table("names")})
     tables = {table.name: episode.table(table.name) for table in STEPPED if table is not OUTCOMES}
     tables[OUTCOMES.name] = _outcomes(episode.table("agents"))
-    tables["vehicles"] = _with_distant(*map(episode.table, ("vehicles", "distant", "names")))
+    tables["vehicles"] = episode.table("vehicles")
     in_order = {
         name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
     }
@@ -127,29 +126,6 @@ def _outcomes(agents: Columns) -> dict[str, NDArray]:
     rows = np.flatnonzero((agents["outcome"] != Outcome.NONE) & (agents["end_step"] >= 0))
     columns = {"step": agents["end_step"][rows], "agent": rows}
     return columns | {name: agents[name][rows] for name in ("outcome", "partner_slot", "partner_generation")}
-
-
-def _with_distant(near: Columns, distant: Columns, names: Columns) -> Columns:
-    """Return the rows of vehicles near agents and far from them; the latter show no lights."""
-    if not _rows(distant):
-        return near
-    known, wanted = (
-        each["slot"].astype(np.int64) << 32 | each["generation"].astype(np.int64) for each in (names, distant)
-    )
-    order = np.argsort(known)
-    place = np.minimum(np.searchsorted(known[order], wanted), len(known) - 1)
-    if (known[order][place] != wanted).any():
-        raise ValueError("distant has vehicles that names has not")
-    row = order[place]
-    far = {
-        **{name: distant[name] for name in ("step", "slot", "generation", "owner")},
-        **{name: names[name][row] for name in ("kind", "length", "width")},
-        **{name: distant[name] / PER_METRE for name in ("x", "y", "speed")},
-        "heading": distant["heading"] / PER_RADIAN,
-        "lane": np.full(len(row), -1, np.int32),
-        "acceleration": np.zeros(len(row)),
-    }
-    return {name: np.concatenate([near[name], column]) for name, column in far.items()}
 
 
 def _rows(columns: Columns) -> int:

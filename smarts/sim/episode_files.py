@@ -13,7 +13,8 @@ import os
 import shutil
 import weakref
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,6 @@ from smarts.errors import MapError, RecordError
 from smarts.locked_folders import make_locked, remove_left
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode_schema import (
-    DISTANT,
     EPISODE,
     INTEGERS,
     NUMBERS,
@@ -44,6 +44,18 @@ PARTIAL = ".partial-recording-"
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
 """Columns by name, all of one length."""
+
+
+@contextmanager
+def _writing(root: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, pa.ArrowException) as error:
+        raise RecordError(
+            f"episodes cannot be written: {error}",
+            place=str(root),
+            remedy="name a folder that can be written to, on a disk that is not full",
+        ) from error
 
 
 class EpisodeStore:
@@ -63,15 +75,9 @@ class EpisodeStore:
         self._maps: dict[int, tuple[LaneGraph, str]] = {}
         self._end: weakref.finalize | None = None
         self._partial = root
-        try:
+        with _writing(root):
             (root / MAPS).mkdir(parents=True, exist_ok=True)
             remove_left(root, PARTIAL)
-        except OSError as error:
-            raise RecordError(
-                f"cannot write episodes: {error}",
-                place=str(root),
-                remedy="name a folder that can be written to",
-            ) from error
 
     def begin(self, name: str) -> EpisodeWriter:
         """Return a writer of a new episode; whole, it gets the name, with a number if that is taken."""
@@ -97,19 +103,17 @@ class EpisodeStore:
         if known is not None:
             return known[1]
         partial = self.partial() / f"map-{id(graph):x}"
-        try:
+        with _writing(self.root):
             graph.save(partial)
             digest = hashlib.blake2b(partial.read_bytes(), digest_size=10).hexdigest()
             partial.replace(self.root / MAPS / f"{digest}.npz")
-        finally:
-            partial.unlink(missing_ok=True)
         # The graph itself is kept, so that its id stays its own.
         self._maps[id(graph)] = graph, digest
         return digest
 
 
 class EpisodeWriter:
-    """One episode in the making. Methods may be called from one other thread than the one that made it."""
+    """One episode in the making."""
 
     def __init__(self, store: EpisodeStore, name: str) -> None:
         self._store, self._root = store, store.root
@@ -118,45 +122,42 @@ class EpisodeWriter:
         self._open: dict[str, pq.ParquetWriter] = {}
 
     def append(self, table: str, rows: Rows) -> None:
-        """Write rows of a table; they come after those that were written before."""
+        """Write rows of a table; they come after those that were written before.
+
+        Raises:
+            RecordError: They cannot be written.
+        """
         if TABLE[table].is_optional and not len(rows[TABLE[table].names[0]]):
             return
-        if table not in self._open:
-            if not self._open:
-                self._folder = self._store.partial() / f"{id(self):x}"
-                self._folder.mkdir()
-            schema = arrow_schema(TABLE[table])
-            others = [column.name for column in TABLE[table].columns if not column.kind.startswith("float")]
-            floats = [column.name for column in TABLE[table].columns if column.kind.startswith("float")]
-            # Neighbouring floats share their leading bytes; a dictionary of them would be as large again.
-            encodings = dict.fromkeys(floats, "BYTE_STREAM_SPLIT")
-            if table == DISTANT.name:
-                # Sorted by vehicle, whole numbers change little from row to row.
-                encodings, others = dict.fromkeys(others, "DELTA_BINARY_PACKED"), []
-            options: dict[str, Any] = {
-                "compression": "zstd",
-                "use_dictionary": others or False,
-                "column_encoding": encodings,
-                "write_page_checksum": True,
-            }
-            self._open[table] = pq.ParquetWriter(self._folder / f"{table}.parquet", schema, **options)
-        if table in (VEHICLES.name, DISTANT.name):
-            # By vehicle, neighbouring rows are alike and take a sixth less; readers order them by step.
-            order = np.lexsort([np.asarray(rows[name]) for name in ("step", "generation", "slot")])
-            rows = {name: np.asarray(column)[order] for name, column in rows.items()}
-        self._open[table].write_table(_arrow_table(TABLE[table], rows))
+        with _writing(self._root):
+            if table not in self._open:
+                if not self._open:
+                    self._folder = self._store.partial() / f"{id(self):x}"
+                    self._folder.mkdir()
+                file = self._folder / f"{table}.parquet"
+                self._open[table] = _parquet_writer(file, TABLE[table])
+            if table == VEHICLES.name:
+                # By vehicle, neighbouring rows are alike and take a sixth less; readers order them by step.
+                order = np.lexsort([np.asarray(rows[name]) for name in ("step", "generation", "slot")])
+                rows = {name: np.asarray(column)[order] for name, column in rows.items()}
+            self._open[table].write_table(_arrow_table(TABLE[table], rows))
 
     def finish(self) -> Path:
-        """Make the episode appear under its name; return its folder."""
+        """Make the episode appear under its name; return its folder.
+
+        Raises:
+            RecordError: It cannot be written.
+        """
         for name, table in TABLE.items():
             if name not in self._open and not table.is_optional:
                 self.append(name, {column: [] for column in table.names})
-        for writer in self._open.values():
-            writer.close()
         folder, number = self._root / self._name, 1
-        while not self._becomes(folder):
-            number += 1
-            folder = self._root / f"{self._name}~{number}"
+        with _writing(self._root):
+            for writer in self._open.values():
+                writer.close()
+            while not self._becomes(folder):
+                number += 1
+                folder = self._root / f"{self._name}~{number}"
         return folder
 
     def _becomes(self, folder: Path) -> bool:
@@ -298,6 +299,18 @@ def arrow_schema(table: Table) -> pa.Schema:
         return kinds[kind] if kind in kinds else pa.from_numpy_dtype(np.dtype(kind))
 
     return pa.schema([(column.name, kind_of(column.kind)) for column in table.columns])
+
+
+def _parquet_writer(file: Path, table: Table) -> pq.ParquetWriter:
+    floats = [column.name for column in table.columns if column.kind.startswith("float")]
+    options: dict[str, Any] = {
+        "compression": "zstd",
+        "use_dictionary": [name for name in table.names if name not in floats] or False,
+        # Neighbouring floats share their leading bytes; a dictionary of them would be as large again.
+        "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+        "write_page_checksum": True,
+    }
+    return pq.ParquetWriter(file, arrow_schema(table), **options)
 
 
 def _arrow_table(table: Table, rows: Rows) -> pa.Table:

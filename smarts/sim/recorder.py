@@ -6,11 +6,12 @@ import atexit
 
 # pyarrow imports it for its first file otherwise, which is too late at the end of a program.
 import concurrent.futures.thread  # noqa: F401
+import math
+import os
 import weakref
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -40,22 +41,20 @@ from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
     AGENT_ROWS,
     DECISION_ROWS,
-    DISTANT_ROWS,
     FOR_A_WHILE,
+    NEAR,
     NEWCOMERS,
     SIGNAL_ROWS,
     VEHICLE_ROWS,
     Buffers,
     take_frame,
 )
-from smarts.sim.recorder_thread import WriterThread
 from smarts.stream.road_map import origin_of
 from smarts.types.actions import Actions
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import (
     AGENT_STATES,
     DECISIONS,
-    DISTANT,
     NAMES,
     OBSERVATIONS,
     SIGNALS,
@@ -75,7 +74,6 @@ _TABLES = (
     (AGENT_STATES.name, AGENT_ROWS),
     (DECISIONS.name, DECISION_ROWS),
     (SIGNALS.name, SIGNAL_ROWS),
-    (DISTANT.name, DISTANT_ROWS),
 )
 
 
@@ -103,7 +101,7 @@ class _Episode:
     """Name, step, agents (S,), values (S, ...)."""
     observations: ObservationRows = field(default_factory=ObservationRows)
     small: dict[str, list[Floats]] = field(
-        default_factory=lambda: {table.name: [] for table in (AGENT_STATES, DECISIONS, SIGNALS, DISTANT)}
+        default_factory=lambda: {table.name: [] for table in (AGENT_STATES, DECISIONS, SIGNALS)}
     )
     """Rows of the tables that are written in one piece."""
 
@@ -121,8 +119,8 @@ class EpisodeRecorder:
     """Records all simulations into a folder; `smarts.types.episode_schema` says what.
 
     An episode is written at `finish`, or else when the next one of its simulation begins, or at `close`;
-    until then `annotate` can add to it. Copying is done in one compiled call, writing in a thread. A store
-    never holds half an episode.
+    until then `annotate` can add to it. Copying is done in one compiled call. A store never holds half an
+    episode.
 
     Args:
         scene: The world and its maps.
@@ -154,23 +152,22 @@ class EpisodeRecorder:
         self.observers = self._observers if len(observers) else None
         self.wants_terms = True
         self._store = EpisodeStore(folder)
-        self._thread = WriterThread(str(folder))
+        self._owner = os.getpid()
         self._episodes: list[_Episode | None] = [None] * worlds
         self._unfinished: list[EpisodeWriter] = []
         self._no_actions = Actions.allocate(worlds, agents)
         capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
         self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, everything=everything)
-        self._take = LateBound(take_frame, world.state, round(FOR_A_WHILE / world.dt), self._buffers)
+        keep, near = round(FOR_A_WHILE / world.dt), math.inf if everything else NEAR
+        self._take = LateBound(take_frame, world.state, keep, near, self._buffers)
         self._program = version("smarts-bench")
-        # Writes what is queued if the recorder is never closed; at the end of the process, `_close_all` does.
-        weakref.finalize(self, self._thread.close).atexit = False
         _open.add(self)
 
     def record(self, frame: Frame) -> None:
         """Take what is wanted out of a frame, before the next step overwrites it.
 
         Raises:
-            RecordError: An earlier episode could not be written.
+            RecordError: An episode cannot be written.
         """
         for row, start in frame.starts.items():
             self._finish(row)
@@ -231,26 +228,22 @@ class EpisodeRecorder:
         """Write what is left, and end; may be called again. In a forked process it does nothing.
 
         Raises:
-            RecordError: An episode could not be written, and no call has raised it.
+            RecordError: An episode cannot be written.
         """
-        if not self._thread.is_here:
+        if self._owner != os.getpid():
             return
         try:
             for row in range(len(self._episodes)):
                 self._finish(row)
         finally:
-            try:
-                self._thread.close()
-            finally:
-                # After a failure these stay unfinished.
-                for writer in self._unfinished:
-                    writer.abandon()
-                self._unfinished.clear()
-                self._store.close()
-                _open.discard(self)
+            # After a failure these stay unfinished.
+            for writer in self._unfinished:
+                writer.abandon()
+            self._unfinished.clear()
+            self._store.close()
+            _open.discard(self)
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
-        self._thread.check_process()
         name = f"seed{start.seed}_world{start.world}_episode{start.episode:05d}"
         graph = self._scene.atlas.graphs[start.map]
         writer = self._store.begin(name)
@@ -275,7 +268,7 @@ class EpisodeRecorder:
             seen = dict.fromkeys(chosen.tolist(), episode.steps)
             rows.add(observation_notes(frame, row, seen, np.array(origin_of(episode.graph))))
         if rows.are_many:
-            self._thread.submit(partial(episode.writer.append, OBSERVATIONS.name, rows.taken()))
+            episode.writer.append(OBSERVATIONS.name, rows.taken())
 
     def _take_routes(self, row: int, episode: _Episode) -> None:
         """Note the routes that are new: the table is emptied before the episode is written."""
@@ -329,7 +322,7 @@ class EpisodeRecorder:
                 episode.invalid = episode.invalid or _OVERLAP
 
     def _flush(self, row: int, episode: _Episode) -> None:
-        """Move the rows of full buffers on; vehicles to the thread, since they are the most by far."""
+        """Move the rows of full buffers on; those of vehicles, the most by far, are written."""
         for name, column in _TABLES:
             used = int(self._buffers.used[row, column])
             if used > len(getattr(self._buffers, name)[row]) // 2:
@@ -342,22 +335,16 @@ class EpisodeRecorder:
         if name in episode.small:
             episode.small[name].append(rows)
         elif used:
-            writer = episode.writer
-            self._thread.submit(lambda: writer.append(name, rows_by_name(name, rows)))
+            episode.writer.append(name, rows_by_name(name, rows))
 
     def _finish(self, row: int) -> None:
-        """Queue the rest of a simulation's episode, if it has one, to be written."""
+        """Write the rest of a simulation's episode, if it has one."""
         episode, self._episodes[row] = self._episodes[row], None
         if episode is None:
             return
         for name, column in _TABLES:
             self._empty(row, episode, name, column)
-        most = int(self._buffers.most[row])
-        self._thread.submit(lambda: self._write(episode, most))
-
-    def _write(self, episode: _Episode, most: int) -> None:
-        """Write the rest of an episode; runs in the thread."""
-        writer = episode.writer
+        writer, most = episode.writer, int(self._buffers.most[row])
         small = {name: rows_by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
         for name, rows in small.items():
             writer.append(name, rows)

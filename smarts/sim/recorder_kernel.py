@@ -6,7 +6,6 @@ numbers are exact in them. Axis letters: B simulations, A agents, V slots, L lan
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.types.actions import Actions
 from smarts.types.agent_states import AgentStates, AgentStatus
-from smarts.types.episode_schema import AGENT_STATES, DECISIONS, DISTANT, SIGNALS, VEHICLES
+from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
 from smarts.types.events import Contacts, Events
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
@@ -25,7 +24,7 @@ NEAR = 150.0
 FOR_A_WHILE = 15.0
 """A vehicle stays recorded for so long [s], so that no encounter is cut off."""
 
-VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS, DISTANT_ROWS = range(6)
+VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
 """Columns of `Buffers.used`."""
 
 
@@ -41,10 +40,8 @@ class Buffers(NamedTuple):
     agent_states: Floats
     decisions: Floats
     signals: Floats
-    distant: Ints
-    """No rows if vehicles far from agents are not recorded."""
     used: Ints
-    """Number of rows in use, shape (B, 6)."""
+    """Number of rows in use, shape (B, 5)."""
     until: Ints
     """Step until which a slot's vehicle is recorded, near or not, shape (B, V)."""
     known: Ints
@@ -64,7 +61,6 @@ class Buffers(NamedTuple):
     ) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
         rows = 4096
-        distant = max(rows, capacity) + capacity if everything else 0
         # Where there are many vehicles, larger blocks take fewer bytes in the file.
         near = max(4 * rows if everything else rows, capacity) + capacity
         return cls(
@@ -72,8 +68,7 @@ class Buffers(NamedTuple):
             agent_states=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
             decisions=np.zeros((worlds, max(rows // 8, agents) + agents, len(DECISIONS.columns))),
             signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),
-            distant=np.zeros((worlds, distant, len(DISTANT.columns)), np.int32),
-            used=np.zeros((worlds, 6), np.int32),
+            used=np.zeros((worlds, 5), np.int32),
             until=np.zeros((worlds, capacity), np.int32),
             known=np.zeros((worlds, capacity), np.int32),
             named=np.zeros((worlds, capacity), np.int32),
@@ -92,6 +87,7 @@ class Buffers(NamedTuple):
 def take_frame(
     state: State,
     keep: int,
+    near: float,
     out: Buffers,
     events: Events,
     contacts: Contacts,
@@ -103,6 +99,7 @@ def take_frame(
     Args:
         state: State of the world.
         keep: Steps for which a vehicle is recorded once it was near.
+        near: Vehicles this near to an agent are recorded [m]; infinite: all are.
         out: Written; there is room for the rows of one frame.
         events: Events of the step.
         contacts: Contacts of the step.
@@ -118,7 +115,7 @@ def take_frame(
         if not env_mask[row]:
             continue
         out.used[row, NEWCOMERS] = 0
-        _take_vehicles(step[row], row, vehicles, agents, keep, out)
+        _take_vehicles(step[row], row, vehicles, agents, keep, near, out)
         for agent_id in range(agents.state.shape[1]):
             if (
                 agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE, _LEAVING)
@@ -152,13 +149,12 @@ def _is_full(row: int, agents: int, out: Buffers) -> bool:
         or used[AGENT_ROWS] + agents > out.agent_states.shape[1]
         or used[DECISION_ROWS] + agents > out.decisions.shape[1]
         or used[SIGNAL_ROWS] + out.lights.shape[1] > out.signals.shape[1]
-        or (out.distant.shape[1] > 0 and used[DISTANT_ROWS] + out.until.shape[1] > out.distant.shape[1])
     )
 
 
 @kernel
 def _take_vehicles(
-    step: int, row: int, vehicles: VehicleStates, agents: AgentStates, keep: int, out: Buffers
+    step: int, row: int, vehicles: VehicleStates, agents: AgentStates, keep: int, near: float, out: Buffers
 ) -> None:
     alive = 0
     for slot in range(vehicles.alive.shape[1]):
@@ -166,29 +162,22 @@ def _take_vehicles(
             continue
         alive += 1
         generation = vehicles.generation[row, slot]
-        is_near = _is_near(row, slot, vehicles, agents)
-        if is_near:
+        if near == np.inf or _is_near(row, slot, vehicles, agents, near):
             out.until[row, slot] = step + keep
             out.known[row, slot] = generation
-        elif out.known[row, slot] == generation:
-            is_near = step <= out.until[row, slot]
-        if not is_near and out.distant.shape[1] == 0:
+        elif out.known[row, slot] != generation or step > out.until[row, slot]:
             continue
         if out.named[row, slot] != generation:
             out.named[row, slot] = generation
             out.newcomers[row, out.used[row, NEWCOMERS]] = slot
             out.used[row, NEWCOMERS] += 1
-        if is_near:
-            take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
-            out.used[row, VEHICLE_ROWS] += 1
-        else:
-            _take_distant(step, row, slot, vehicles, out.distant[row, out.used[row, DISTANT_ROWS]])
-            out.used[row, DISTANT_ROWS] += 1
+        take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
+        out.used[row, VEHICLE_ROWS] += 1
     out.most[row] = max(out.most[row], alive)
 
 
 @kernel
-def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) -> bool:
+def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates, near: float) -> bool:
     """Return whether a vehicle is near one that an agent has."""
     for agent_id in range(agents.state.shape[1]):
         other = agents.slot[row, agent_id]
@@ -196,7 +185,7 @@ def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) 
             continue
         dx = vehicles.position[row, other, 0] - vehicles.position[row, slot, 0]
         dy = vehicles.position[row, other, 1] - vehicles.position[row, slot, 1]
-        if dx * dx + dy * dy <= NEAR * NEAR:
+        if dx * dx + dy * dy <= near * near:
             return True
     return False
 
@@ -215,16 +204,6 @@ def take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: 
     into[15], into[16] = vehicles.lane[row, slot], vehicles.lane_position[row, slot]
     into[17], into[18] = vehicles.lane_offset[row, slot], vehicles.route[row, slot]
     into[19] = vehicles.desired_speed[row, slot]
-
-
-@kernel
-def _take_distant(step: int, row: int, slot: int, vehicles: VehicleStates, into: Ints) -> None:
-    into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
-    into[3] = vehicles.owner[row, slot]
-    into[4] = round(100.0 * vehicles.position[row, slot, 0])
-    into[5] = round(100.0 * vehicles.position[row, slot, 1])
-    into[6] = round(1800.0 / math.pi * vehicles.heading[row, slot])
-    into[7] = round(100.0 * vehicles.speed[row, slot])
 
 
 @kernel

@@ -158,18 +158,6 @@ NAMES = _table(
     Column("length", "float32", "of the footprint", "m"),
     Column("width", "float32", "of the footprint", "m"),
 )
-DISTANT = _table(
-    "distant",
-    "with Options(record_all=True), a row for each step and each vehicle that is not in vehicles then",
-    _step(),
-    *VEHICLE,
-    Column("owner", "int8", "Owner of the vehicle"),
-    Column("x", "int32", "of the centre", "cm"),
-    Column("y", "int32", "of the centre", "cm"),
-    Column("heading", "int16", "counter-clockwise from +x", "0.1 degree"),
-    Column("speed", "int16", "along the heading", "cm/s"),
-    is_optional=True,
-)
 ROUTES = _table(
     "routes",
     "a row for each planned route",
@@ -313,7 +301,7 @@ AGENT_FAILURES = _table(
 
 TABLES = (
     *(EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS),
-    *(DISTANT, HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
+    *(HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
     OBSERVATIONS,
 )
 TABLE = {table.name: table for table in TABLES}
