@@ -49,8 +49,8 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
     """Watch all simulations; count what comes, or stop reading."""
     from websockets.sync.client import connect
 
+    from smarts.stream.arrays import unpacked_array
     from smarts.stream.container import unpack
-    from smarts.stream.motion import motion_of
 
     os.nice(10)
     uri, origin = f"ws://127.0.0.1:{port}/live", f"http://127.0.0.1:{port}"
@@ -72,7 +72,7 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
                     watched = found
                     server.send(json.dumps({"watch": watched}))
             elif message["type"] == "steps":
-                rows = len(motion_of(message).x)
+                rows = len(unpacked_array(message["flags"]))
                 with received.get_lock():
                     received[0] += 1
                     received[1] += rows

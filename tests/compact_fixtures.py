@@ -16,7 +16,7 @@ import numpy as np
 
 from smarts.envision.compact_episode import compact_episode
 from smarts.sim.episode_files import RecordedEpisode
-from smarts.stream.reading import CompactEpisode
+from tests.compact_reading import CompactEpisode
 
 FOLDER = Path(__file__).parent / "data" / "envision"
 SHOWN = 4

@@ -20,7 +20,7 @@ import numpy as np
 from smarts.envision.compact_episode import POLICY, compact_episode
 from smarts.errors import SmartsError
 from smarts.sim.episode_files import RecordedEpisode
-from smarts.stream.reading import CompactEpisode
+from smarts.stream.reading import read_static
 from smarts.types.episode_schema import EPISODE
 from smarts.types.events import Outcome
 
@@ -157,7 +157,7 @@ def read_compact(path: Path) -> bytes:
     """
     if path.is_dir():
         return compact_episode(RecordedEpisode(path), policy=policy_of_run(path))
-    CompactEpisode.load(path, only_static=True)
+    read_static(path)
     return path.read_bytes()
 
 
@@ -226,8 +226,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
             episode.check_files()
             facts, agents = episode.facts, episode.table("agents")
         else:
-            compact = CompactEpisode.load(path, only_static=True)
-            facts, agents = compact.facts, compact.tables["agents"]
+            facts, agents = read_static(path)
         is_ego = np.asarray(agents["interface"]) < 0
         return Entry(
             id=number,

@@ -11,15 +11,11 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from smarts.envision.viewers import MOST_REQUEST, Packed, Request, Viewer, packed_message
-from smarts.errors import RecordError, SmartsError
-from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
 from smarts.stream.live_encoder import LiveEncoder
-from smarts.stream.road_map import LANE_COLUMNS
 
 MOST_OBSERVED = 4
 """Agents of one simulation whose observations are asked for."""
@@ -27,8 +23,6 @@ KEPT = 60.0
 """A simulation that is gone stays in the list for so long [s]."""
 _LISTED = 0.5
 """Time from one list of simulations to the next [s]."""
-_MOST_TEXT, _MOST_NUMBER = 500, (1 << 53) - 1
-"""Longest text and largest number in the list of simulations."""
 _POLICY, _TOO_BIG = 1008, 1009
 
 
@@ -100,9 +94,9 @@ class LiveHub:
                 self._take(unpack(await socket.receive_bytes()), publisher)
         except (WebSocketDisconnect, RuntimeError, AssertionError):
             pass
-        # A message that was made with care can raise anything: its sender is at fault, whatever it is.
+        # A damaged message can raise anything: its sender is at fault, whatever it is.
         except Exception as error:
-            text = error.problem if isinstance(error, SmartsError) else f"a message is damaged: {error!r}"
+            text = f"a message is damaged: {error!r}"
             with contextlib.suppress(RuntimeError):
                 await socket.close(_POLICY, text.encode(errors="replace")[:120].decode(errors="ignore"))
         finally:
@@ -199,12 +193,15 @@ class LiveHub:
     def _take(self, message: dict[str, Any], publisher: Publisher) -> None:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
         if message["type"] == "map":
-            publisher.maps[int(message["map"])] = checked_map(message["message"], message["origin"])
+            road_map = {**message["message"], "origin": message["origin"]}
+            # Viewers keep maps by it.
+            digest = hashlib.sha256(pack(road_map)).hexdigest()
+            publisher.maps[message["map"]] = {**road_map, "digest": digest}
             return
         if message["type"] == "unsent":
-            publisher.unsent = _whole(message["count"])
+            publisher.unsent = int(message["count"])
             return
-        number = _text(message["source"])
+        number = str(message["source"])
         if message["type"] == "begin":
             self._begin(number, message, publisher)
         else:
@@ -212,14 +209,12 @@ class LiveHub:
 
     def _continue(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
         """Take a message of a simulation that has begun."""
-        if number not in publisher.sources:
-            raise RecordError("a simulation that has not begun", place=number)
         source = self._sources[number]
         if int(message["serial"]) != source.encoder.serial:
             return
         is_watched = any(viewer.follows(number) for viewer in self._viewers)
         if message["type"] == "frame":
-            source.step, source.is_running = _whole(message["step"]), True
+            source.step, source.is_running = int(message["step"]), True
             source.count(time.monotonic())
         elif message["type"] == "end":
             source.is_running = False
@@ -227,31 +222,23 @@ class LiveHub:
             self._relay(number, made)
 
     def _begin(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
-        maps, mine = publisher.maps, publisher.sources
-        if number in self._sources and number not in mine and not self._sources[number].gone:
-            raise RecordError("a simulation of another process has the same id", place=number)
-        facts = {str(name): value for name, value in message["facts"].items()}
-        if any(not isinstance(value, str | int | float) for value in facts.values()):
-            raise RecordError("facts that are no numbers and no texts", place=number)
-        if int(message["map"]) not in maps:
-            raise RecordError(f"map {int(message['map'])} has not been sent", place=number)
-        before = self._sources.get(number)
-        road_map, serial = maps[int(message["map"])], _whole(message["serial"])
+        facts, before = message["facts"], self._sources.get(number)
+        road_map, serial = publisher.maps[message["map"]], int(message["serial"])
         encoder = LiveEncoder(road_map, facts, number, serial, before and before.encoder)
         about = {
-            "title": _text(f"{facts['scenario']} {facts['traffic']} [{message['world']}]"),
-            "scenario": _text(facts["scenario"]),
-            "traffic": _text(facts["traffic"]),
-            "policy": _text(facts.get("policy", "")),
-            "host": _text(message["host"]),
-            "pid": _whole(message["pid"]),
-            "world": _whole(message["world"]),
-            "episode": _whole(facts["episode"]),
+            "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",
+            "scenario": str(facts["scenario"]),
+            "traffic": str(facts["traffic"]),
+            "policy": str(facts.get("policy", "")),
+            "host": str(message["host"]),
+            "pid": int(message["pid"]),
+            "world": int(message["world"]),
+            "episode": int(facts["episode"]),
         }
         self._sources[number] = source = Source(number, about, encoder)
         if before is not None:
             source.rate = before.rate
-        mine.add(number)
+        publisher.sources.add(number)
         publisher.news.set()
         for made in encoder.opening():
             self._relay(number, made)
@@ -294,50 +281,3 @@ class LiveHub:
         hidden = sum(each.unsent for each in self._publishers)
         rows = [source.row() for source in self._sources.values()]
         return pack({"type": "sources", "sources": rows, "hidden": hidden})
-
-
-def checked_map(message: Any, origin: Any) -> Message:
-    """Return a publisher's map without what does not belong to it, since viewers get it as it is.
-
-    Its digest is made here: viewers keep maps by it, and two processes may give one to different maps.
-
-    Raises:
-        RecordError: It is no map; `KeyError`, `TypeError` and the like say the same.
-    """
-    if not isinstance(message, dict) or message.get("type") != "map":
-        raise RecordError("no map", place="a publisher")
-    given = {name: message["lanes"][name] for name in LANE_COLUMNS}
-    start = unpacked_array(given["start"]).astype(np.int64)
-    lanes = len(start) - 1
-    if lanes < 1 or start[0] != 0 or (np.diff(start) < 0).any():
-        raise RecordError("a map with lanes in disorder", place="a publisher")
-    for name, column in given.items():
-        length = len(unpacked_array(column))
-        if length != {"start": lanes + 1, "x": start[-1], "y": start[-1]}.get(name, lanes):
-            raise RecordError(f"a map whose column {name} has {length} values", place="a publisher")
-    x, y = map(float, origin)
-    checked = {
-        "type": "map",
-        "bounds": [*map(float, message["bounds"])],
-        "lanes": given,
-        "edges": [*map(str, message["edges"])],
-        "origin": [x, y],
-    }
-    return {**checked, "digest": hashlib.sha256(pack(checked)).hexdigest()}
-
-
-def _text(value: Any) -> str:
-    """Return a text of the list, cut where it is long."""
-    return str(value)[:_MOST_TEXT]
-
-
-def _whole(value: Any) -> int:
-    """Return a number of the list.
-
-    Raises:
-        RecordError: JavaScript has no such number.
-    """
-    number = int(value)
-    if abs(number) > _MOST_NUMBER:
-        raise RecordError(f"the number {value!r:.40} is too large", place="a publisher")
-    return number

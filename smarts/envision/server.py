@@ -252,23 +252,11 @@ def _name_of(host: str) -> str:
 
 
 def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        listener = socket.socket(family, kind, protocol)
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            # Connections have both, too: one that takes nothing is not kept for what it was to get, nor a
-            # publisher in the list whose machine is gone.
-            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
-            keep_alive(listener)
-            listener.bind(address)
-            listener.listen(64)
-        except BaseException:
-            listener.close()
-            raise
-        return listener
+        listener = socket.create_server((host, port), family=family, backlog=64)
     except (OSError, OverflowError) as error:
-        is_unknown = isinstance(error, socket.gaierror) or getattr(error, "errno", 0) == errno.EADDRNOTAVAIL
+        is_unknown = getattr(error, "errno", 0) in (errno.EADDRNOTAVAIL, socket.EAI_NONAME)
         remedy = (
             f"give an address of this machine with --host, such as {LOOPBACK[0]}, or 0.0.0.0 for all"
             if is_unknown
@@ -279,3 +267,8 @@ def _listen(host: str, port: int) -> socket.socket:
             place=f"{host}:{port}",
             remedy=remedy,
         ) from error
+    # Connections have both, too: one that takes nothing is not kept for what it was to get, nor a publisher
+    # in the list whose machine is gone.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
+    keep_alive(listener)
+    return listener

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Floats, Ints
-from smarts.stream.arrays import damaged, packed_array, packed_runs, unpacked_array, unpacked_runs
+from smarts.stream.arrays import packed_array, packed_runs
 
 PER_METRE = 100
 """Units of x, y and speed: 1 cm, 1 cm/s."""
@@ -26,8 +26,6 @@ BRAKES, LEFT, RIGHT, AIR_LOCK, LEAVING, COLLIDED = (1 << bit for bit in range(3,
 """Bits of `Motion.flags`: brake light, turn indicators, in an air-lock, waits to go back to traffic, has
 collided."""
 
-MOST_ROWS = 1_000_000
-"""Largest number of rows of one message."""
 _FARTHEST = float(1 << 30)
 """The largest number of units of any column."""
 _COLUMNS = "x", "y", "heading", "speed", "steer"
@@ -115,31 +113,6 @@ def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict
         )
         for name in _COLUMNS
     }
-
-
-def motion_of(message: dict[str, Any]) -> Motion:
-    """Return the rows of a message `steps`; headings have no jumps within a run.
-
-    Raises:
-        RecordError: It is damaged.
-    """
-    steps, number = unpacked_array(message.get("step")), unpacked_array(message.get("number"))
-    begin, count = np.zeros(len(number), np.int64), np.ones(len(number), np.int64)
-    if len(steps) != 1 or "count" in message:
-        begin, count = (unpacked_array(message.get(name)).astype(np.int64) for name in ("begin", "count"))
-    if not (len(number) == len(begin) == len(count)) or (count < 1).any() or count.sum() > MOST_ROWS:
-        raise damaged(f"{len(number)} runs of {count.sum()} rows")
-    if (begin < 0).any() or (begin + count > len(steps)).any() or (np.diff(steps) <= 0).any():
-        raise damaged("runs that are longer than the steps, or steps in disorder")
-    starts = np.cumsum(count) - count
-    x, y, heading, speed, steer = (unpacked_runs(message.get(name), starts) for name in _COLUMNS)
-    columns = x, y, heading, speed, steer
-    flags = unpacked_array(message.get("flags"))
-    rows = int(count.sum())
-    if any(len(column) != rows for column in (*columns, flags)):
-        raise damaged(f"columns that have not {rows} rows")
-    place = np.arange(rows) - np.repeat(starts - begin, count)
-    return Motion(np.repeat(number, count).astype(np.int32), steps[place], *columns, flags.astype(np.uint16))
 
 
 def _first_of_runs(number: NDArray, place: NDArray) -> Bools:

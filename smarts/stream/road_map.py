@@ -18,11 +18,6 @@ NO_LINE, DASHED, EDGE, CENTRE = range(4)
 direction."""
 NO_STOP, AT_LIGHTS, GIVES_WAY = range(3)
 """Why there is a stop line at a lane's end."""
-LANE_COLUMNS = (
-    *("start", "x", "y", "width", "kind", "junction", "left", "right", "stop", "signal"),
-    *("speed_limit", "edge"),
-)
-"""Columns of the lanes in a message `map`."""
 _TOLERANCE = 0.012
 """Tolerance of the simplified centrelines [m]; with the rounding to 1 cm they are less than 2 cm off."""
 _BESIDE = 1.0

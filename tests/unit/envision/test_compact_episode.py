@@ -8,13 +8,13 @@ from smarts.envision.compact_episode import compact_episode
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.arrays import unpacked_array, unpacked_runs
 from smarts.stream.motion import AIR_LOCK, COLLIDED, LEAVING, OWNER_BITS
-from smarts.stream.reading import CompactEpisode
 from smarts.stream.road_map import CENTRE, EDGE, map_message, origin_of
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
 from tests.compact_fixtures import FOLDER
+from tests.compact_reading import CompactEpisode
 from tests.maps import straight
 from tests.recordings import Drive, at_speed, at_speeds, record
 

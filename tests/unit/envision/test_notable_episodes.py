@@ -15,8 +15,8 @@ from smarts.envision import notable_episodes as notable
 from smarts.envision import viewer_page
 from smarts.envision.episode_library import Entry, EpisodeLibrary
 from smarts.errors import SmartsError
-from smarts.stream.reading import CompactEpisode
 from smarts.types.events import Outcome
+from tests.compact_reading import CompactEpisode
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 from tests.maps import straight
 from tests.recordings import Drive, at_speed, record

@@ -8,8 +8,8 @@ import pytest
 from smarts.envision.episode_library import EpisodeLibrary
 from smarts.envision.server import ViewServer
 from smarts.errors import SmartsError
-from smarts.stream.reading import CompactEpisode
 from tests.compact_fixtures import FOLDER
+from tests.compact_reading import CompactEpisode
 from tests.raising import raises
 from tests.viewers import PAGE, ask, serving
 

@@ -1,14 +1,13 @@
 import math
-import zlib
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smarts.errors import RecordError
 from smarts.stream.container import pack, unpack
-from smarts.stream.motion import Motion, motion_of, steps_message
+from smarts.stream.motion import Motion, steps_message
+from tests.compact_reading import motion_of
 
 
 def random_rows(seed, vehicles=12, steps=40):
@@ -60,19 +59,3 @@ def test_what_is_not_finite_or_very_far_is_sent_as_numbers(steps):
     found = motion_of(unpack(pack(steps_message(step, Motion.of(*numbers)))))
     assert found.x.tolist() == found.heading.tolist() == found.speed.tolist() == [0] * steps
     assert (found.y > 1e9).all()
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        {"x": {"t": "i4", "e": 1, "d": zlib.compress(bytes(10**6)), "z": True, "n": 20}},
-        {"speed": {"t": "i4", "e": 1, "d": b"\0" * 16}},
-        {"count": {"t": "u2", "d": b"\xff\xff"}},
-        {"step": {"t": "i4", "d": b"\0" * 20}},
-    ],
-)
-def test_damaged_steps_are_refused(damage):
-    zeros, steps = np.zeros(5), np.arange(5)
-    message = steps_message(steps, Motion.of(zeros, steps, np.zeros((5, 2)), *[zeros] * 4))
-    with pytest.raises(RecordError):
-        motion_of({**message, **damage})
