@@ -1,19 +1,10 @@
-"""Runs other programs so that none outlives its parent or runs without limit.
-
-The system kills a child when its parent dies. A child that takes too long, or whose parent is interrupted, is
-killed with all processes that it has started.
-"""
+"""Runs other programs, for a limited time."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import os
-import signal
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -21,8 +12,6 @@ TIME_LIMIT = 600.0
 """Default time limit of scenario files and map converters [s]; see `TIME_LIMIT_VARIABLE`."""
 TIME_LIMIT_VARIABLE = "SMARTS_BUILD_TIME_LIMIT"
 """The environment variable with another time limit [s]."""
-
-_PR_SET_PDEATHSIG = 1
 
 
 def time_limit() -> float:
@@ -52,42 +41,10 @@ def run_child(
         OSError: The program does not start.
         TimeoutError: It ran for longer than `time_limit` and was killed.
     """
-    limit = time_limit()
-    process = subprocess.Popen(
-        command,
-        cwd=cwd,
-        env=env,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL if stderr else None,
-        stderr=stderr,
-        pass_fds=keep,
-        # A group of its own: Ctrl-C reaches the parent alone, which then ends the whole group.
-        process_group=0,
-        preexec_fn=_prepare(os.getpid()),
-    )
+    limit, stdout = time_limit(), subprocess.DEVNULL if stderr else None
+    streams = {"stdin": subprocess.DEVNULL, "stdout": stdout, "stderr": stderr}
     try:
-        return process.wait(limit)
+        done = subprocess.run(command, cwd=cwd, env=env, pass_fds=keep, timeout=limit, check=False, **streams)
     except subprocess.TimeoutExpired as error:
         raise TimeoutError(f"ended after {limit:g} s") from error
-    finally:
-        with contextlib.suppress(OSError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _prepare(parent: int):
-    """Return what a child does before it becomes another program: ask to be killed when its parent dies."""
-    prctl = _libc().prctl if sys.platform.startswith("linux") else None
-
-    def prepare() -> None:
-        if prctl is not None:
-            prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-            if os.getppid() != parent:  # it died before the request
-                os._exit(1)
-
-    return prepare
-
-
-@cache
-def _libc() -> ctypes.CDLL:
-    return ctypes.CDLL(None)
+    return done.returncode

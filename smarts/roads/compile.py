@@ -180,7 +180,9 @@ def _convert(source: MapSource, arguments: list[str], product: Path) -> Converte
         if "No edges loaded" in problem:
             problem = " ".join([problem, *dropped_parts(source, b"<net/>")])
         raise MapError(
-            f"{tool} refused the map: {problem}", place=place, remedy=_remedy(source, tool, problem)
+            f"{tool} refused the map: {problem}",
+            place=place,
+            remedy=f"mend the file; {tool} --help lists the options",
         )
     if not _ends_whole(product):
         raise MapError(
@@ -196,14 +198,6 @@ def _ends_whole(product: Path) -> bool:
     with open(product, "rb") as file:
         file.seek(max(product.stat().st_size - 64, 0))
         return file.read().rstrip().endswith(b"</net>")
-
-
-def _remedy(source: MapSource, tool: str, problem: str) -> str:
-    if source.kind == "opendrive" and "bad_alloc" in problem:
-        options = source.files[0].name.partition(".")[0] + ".netccfg"
-        entry = '<configuration><opendrive.curve-resolution value="2"/></configuration>'
-        return f"draw its curves with fewer points: write {entry} to {options} beside it"
-    return f"mend the file; {tool} --help lists the options"
 
 
 def _arguments(source: MapSource, prepared: dict[str, str]) -> list[str]:
