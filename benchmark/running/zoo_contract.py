@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_whole
+from smarts.agents.hosting.facts import check_period
 from smarts.agents.policy import ActionBatch, Agent, BatchAgent
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools
@@ -29,7 +29,6 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.zoo import make_agent, make_spec
 
-LONGEST_PERIOD = 100
 ROWS = 17
 """Size of the batch whose rows are compared with a vehicle alone."""
 SEEN = "observations"
@@ -68,7 +67,7 @@ def check_entry(
         driven = _drive_objects(locator, spec, scenario, steps)
         yield f"acts on observations in {scenario!r} for {driven} steps"
         return
-    check_whole("period", agent.period, 1, LONGEST_PERIOD, locator)
+    check_period(agent.period, locator)
     check_features(agent.observation, f"agent {locator!r}")
     with ZooDrive(locator, spec, agent, scenario, seed=seed) as drive:
         drive.reset()

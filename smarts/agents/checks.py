@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import field, fields
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
@@ -79,34 +78,6 @@ def _first_of(error: ValidationError, kind: type) -> InterfaceError:
     said = [each["msg"].removeprefix("Input should be ") for each in errors if each["loc"][0] == place]
     remedy = f"it should be {' or '.join(said)}"
     return InterfaceError(f"{name} is {shown(first['input'])}", place=where, remedy=remedy)
-
-
-def check_whole(name: str, value: Any, least: int, most: int, place: str = "") -> None:
-    """Raise unless a value is a whole number in a range.
-
-    Args:
-        name: Name of the value.
-        value: The value.
-        least: The smallest that is allowed.
-        most: The largest.
-        place: What holds the value; by default its name.
-
-    Raises:
-        InterfaceError: The value is something else; names the value and the range.
-    """
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or not least <= value <= most:
-        raise _refusal(name, value, place, f"give a whole number from {least} to {most}")
-
-
-def check_number(
-    name: str, value: Any, *, least: float = 0.0, most: float = math.inf, above: bool = False, place: str = ""
-) -> None:
-    """Raise unless a value is a number from `least` (with `above`: above it) to `most`; see `check_whole`."""
-    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not is_number or not least <= value <= most or (above and value == least):
-        bounds = f"above {least:g}" if above else f"from {least:g}"
-        raise _refusal(name, value, place, f"give a number {bounds} to {most:g}")
 
 
 def check_instance(

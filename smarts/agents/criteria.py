@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated
 
-from smarts.agents.checks import InterfaceError, NumberFrom0, Sequence, WholeFrom0, checked
+from smarts.agents.checks import NumberFrom0, Sequence, WholeFrom0, checked
 from smarts.types.events import Event
 
 
@@ -40,17 +39,6 @@ class InterestDoneCriteria:
     """Whether those that the scenario marks are of interest too."""
     strict: bool = False
     """Whether to end at once if there is none at the beginning."""
-
-    def __post_init__(self) -> None:
-        for pattern in self.actors_filter:
-            try:
-                re.compile(pattern)
-            except re.error as error:
-                raise InterfaceError(
-                    f"{pattern!r} in actors_filter is not a pattern: {error}",
-                    place="InterestDoneCriteria",
-                    remedy="give regular expressions, such as 'ego-.*'",
-                ) from error
 
 
 @checked

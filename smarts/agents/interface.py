@@ -79,13 +79,6 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
 
         @functools.wraps(construct)
         def initialise(self: Made, *values: Any, **named: Any) -> None:
-            twice = [old for old, new in old_names.items() if old in named and new in named]
-            if twice:
-                raise InterfaceError(
-                    f"both {twice[0]!r} and {old_names[twice[0]]!r} are given",
-                    place=cls.__name__,
-                    remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
-                )
             fields = {old_names.get(name, name): value for name, value in named.items()}
             # The original takes None for a sensor that is off.
             fields |= {name: False for name in SENSOR_OPTIONS if name in fields and fields[name] is None}
@@ -189,15 +182,8 @@ class AgentInterface:
         """Return the interface of an agent type, with some fields changed.
 
         Raises:
-            InterfaceError: There is no such type, or a change is not possible.
+            InterfaceError: A change is not possible.
         """
-        if not isinstance(requested_type, AgentType):
-            nearest = nearest_names(str(requested_type), AgentType.__members__)
-            raise InterfaceError(
-                f"there is no agent type {requested_type!r}",
-                place="AgentInterface.from_type",
-                remedy=f"give a member of AgentType: {nearest}",
-            )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 
     def replace(self, **changes: Any) -> AgentInterface:

@@ -126,7 +126,7 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
     Raises:
         InterfaceError: One of them is not what it has to be, or is given without the other.
     """
-    if bubbles is False:
+    if not bubbles:
         if episode_time is not None:
             raise InterfaceError(
                 f"episode_time is {shown(episode_time)}, and no agent learns in bubbles",
@@ -141,12 +141,7 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
             place="episode_time",
             remedy="give the length of episodes [s], such as episode_time=60",
         )
-    learning = BubbleLearning(episode_time, () if bubbles is True else bubbles)
-    if bubbles is not True and not learning.bubbles:
-        raise InterfaceError(
-            "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"
-        )
-    return learning
+    return BubbleLearning(episode_time, () if bubbles is True else bubbles)
 
 
 def social_agents(given: Any) -> tuple[SocialAgents, ...]:

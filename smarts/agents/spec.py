@@ -74,12 +74,6 @@ class AgentSpec:
     def __post_init__(self) -> None:
         for name in ("builder", "params"):
             new, old = getattr(self, f"agent_{name}"), getattr(self, f"policy_{name}")
-            if new is not None and old is not None and new is not old:
-                raise InterfaceError(
-                    f"agent_{name} and policy_{name} are both given, and differ",
-                    place="AgentSpec",
-                    remedy=f"policy_{name} is the old name of agent_{name}: leave it out",
-                )
             given = old if new is None else new
             setattr(self, f"agent_{name}", given)
             setattr(self, f"policy_{name}", given)

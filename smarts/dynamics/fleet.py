@@ -14,10 +14,10 @@ from smarts.arrays import Bools, Floats, Longs
 from smarts.dynamics import chassis, free_motion, layout, readout, single_track
 from smarts.dynamics.bullet import Box, BulletContact
 from smarts.dynamics.bullet_worlds import BulletWorlds
-from smarts.dynamics.layout import MODELS, TYRE_MODELS, FleetArrays
+from smarts.dynamics.layout import MODELS, FleetArrays
 from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 
 DRY_ASPHALT = 0.9
@@ -145,13 +145,7 @@ class Fleet:
             model: One of `MODELS`.
             tyres: One of `layout.TYRE_MODELS`.
             size: Length and width of its body [m], by default those of its type.
-
-        Raises:
-            UnknownNameError: A name is unknown.
         """
-        for kind, given, known in (("model", model, MODELS), ("tyre model", tyres, TYRE_MODELS)):
-            if given not in known:
-                raise UnknownNameError(f"no {kind} {given!r}", remedy=nearest_names(given, known))
         self._cars[row] = layout.pack(name, tyres)
         car = self._cars[row]
         if size is not None:

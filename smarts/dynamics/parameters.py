@@ -9,7 +9,6 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from smarts.config import Section, read_config
-from smarts.errors import UnknownNameError, nearest_names
 
 FOLDER = Path(__file__).parent
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
@@ -125,14 +124,7 @@ class AxleParameters(Section):
 
 @functools.cache
 def tyre(name: str) -> TyreParameters:
-    """Return the parameters of a tyre.
-
-    Raises:
-        UnknownNameError: There is no such tyre.
-        ConfigError: Its file is broken.
-    """
-    if name not in _stems("tyres"):
-        raise UnknownNameError(f"no tyre {name!r}", remedy=nearest_names(name, _stems("tyres")))
+    """Return the parameters of a tyre."""
     return read_config(FOLDER / "tyres" / f"{name}.yaml", TyreParameters)
 
 
@@ -195,16 +187,7 @@ def vehicle_names() -> tuple[str, ...]:
 
 @functools.cache
 def vehicle(name: str) -> VehicleParameters:
-    """Return the parameters of a vehicle type.
-
-    Raises:
-        UnknownNameError: There is no such type, or it cannot drive (a trailer).
-        ConfigError: Its file is broken.
-    """
-    if name not in vehicle_names():
-        raise UnknownNameError(
-            f"no vehicle {name!r} can be driven", remedy=nearest_names(name, vehicle_names())
-        )
+    """Return the parameters of a vehicle type."""
     return read_config(FOLDER / "vehicles" / f"{ALIASES.get(name, name)}.yaml", VehicleParameters)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, ClassVar, Protocol
 
@@ -14,7 +13,7 @@ from smarts.arrays import Bools, Singles
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
-from smarts.registry import adopted, is_own_name
+from smarts.registry import is_own_name, load_own
 from smarts.rewards.own import Reward, make_rewards
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
@@ -113,8 +112,8 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
         options: Its keywords.
 
     Raises:
-        InterfaceError: The adapter cannot be called like an `ArrayAdapter`, or not with these options.
-        OwnCodeError: A `module:Class` is not importable, or not an adapter.
+        InterfaceError: The adapter is no `module:Class`, or there are options without one.
+        OwnCodeError: A `module:Class` is not importable.
     """
     if adapter is None:
         if options:
@@ -132,35 +131,5 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
                 place="adapter",
                 remedy=f"give observation={adapter!r}, or an adapter of your own (smarts/env/adapters.py)",
             )
-        make = adopted("adapter", adapter, _adopt)
-    _check_call(make, options or {})
+        make = load_own(adapter, "adapter")
     return make
-
-
-def _adopt(name: str, found: Any) -> Any:
-    """Return a user's adapter: a class with the methods of `ArrayAdapter`, or a function that makes one."""
-    if not callable(found):
-        raise ValueError(f"is {found!r}, neither a class nor a function that makes one")
-    missing = [each for each in ("collect", "reset") if not callable(getattr(found, each, None))]
-    if isinstance(found, type) and missing:
-        raise ValueError(
-            f"has no method {missing[0]!r}: see smarts/env/adapters.py, or derive it from "
-            "ObservationAndReward"
-        )
-    return found
-
-
-def _check_call(make: Any, options: Any) -> None:
-    """Raise if an own adapter cannot be called with its options.
-
-    Raises:
-        InterfaceError: It is not callable, or not with these arguments.
-    """
-    try:
-        inspect.signature(make).bind(None, "benchmark", None, None, **options)
-    except (TypeError, ValueError) as error:
-        raise InterfaceError(
-            f"the adapter {make!r} cannot be called with the options {options!r}: {error}",
-            place="adapter",
-            remedy="let it take a context, an observation, a reward and a discount, then its options by name",
-        ) from error

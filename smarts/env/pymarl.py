@@ -15,7 +15,6 @@ from smarts.env.black_death import BlackDeath
 from smarts.env.parallel import ParallelHiWayEnv
 from smarts.env.runner import NotCopied
 from smarts.env.settings import Agents, EnvOptions, make_settings, refuse_bubbles
-from smarts.errors import ActionError
 from smarts.observations.action_mask import MASK
 
 _SHARES = {"completed": "goal", "collided": "collision"}
@@ -52,12 +51,6 @@ class PyMARLEnv(NotCopied):
         reward_scalarisation: Literal["sum", "mean"] = "sum",
         **options: Unpack[EnvOptions],
     ) -> None:
-        if reward_scalarisation not in ("sum", "mean"):
-            raise InterfaceError(
-                f"reward_scalarisation={reward_scalarisation!r}",
-                place="PyMARLEnv",
-                remedy="give 'sum' or 'mean'",
-            )
         settings = make_settings("PyMARLEnv", scenarios, agents, options=options)
         refuse_bubbles("PyMARLEnv", settings)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)
@@ -70,10 +63,10 @@ class PyMARLEnv(NotCopied):
         choices = [int(self._env.action_space(name).n) for name in self.agents]
         self._observations = np.zeros((self.n_agents, max(widths)), np.float32)
         self._available = np.zeros((self.n_agents, max(choices)), np.int64)
-        self._common_reward, self._scalarisation = common_reward, reward_scalarisation
+        self._common_reward = common_reward
+        self._share = {"sum": 1.0, "mean": self.n_agents}[reward_scalarisation]
         self._next_seed: int | None = None
         self._decisions = 0
-        self._plays = False
         self._outcomes: list[str] = []
 
     def reset(
@@ -81,7 +74,7 @@ class PyMARLEnv(NotCopied):
     ) -> tuple[list[NDArray[np.float32]], dict[str, Any]]:
         """Begin the next episode, or with a seed the first one of that seed; return observations and {}."""
         observations, infos = self._env.reset(self._next_seed if seed is None else seed)
-        self._next_seed, self._decisions, self._outcomes, self._plays = None, 0, [], True
+        self._next_seed, self._decisions, self._outcomes = None, 0, []
         self._keep(observations, infos)
         return self.get_obs(), {}
 
@@ -98,19 +91,7 @@ class PyMARLEnv(NotCopied):
             and infos: the shares of the agents that have "completed" their missions and that have "collided"
             so far (EPyMARL logs the infos of the last step), and "episode_limit": True if the time limit has
             ended the episode.
-
-        Raises:
-            ActionError: An action is not among the agent's; there is not one for each agent; the episode is
-                over, or none has begun.
         """
-        if not self._plays:
-            raise ActionError("no episode is played", place="PyMARLEnv.step", remedy="call reset()")
-        if len(actions) != self.n_agents:
-            raise ActionError(
-                f"{len(actions)} actions for {self.n_agents} agents: {list(actions)}",
-                place="PyMARLEnv.step",
-                remedy=f"give one for each of {', '.join(self.agents)}; those of absent agents do nothing",
-            )
         was_there = self._env.present
         chosen = dict(zip(self.agents, (int(action) for action in actions), strict=True))
         observations, by_agent, _, truncated, infos = self._env.step(chosen)
@@ -119,7 +100,6 @@ class PyMARLEnv(NotCopied):
         over = not self._env.present
         # Missions that begin late may last longer than the longest episode of learners.
         limit = any(truncated[name] for name in was_there) if over else self._decisions >= self.episode_limit
-        self._plays = not (over or limit)
         self._outcomes += [info["outcome"] for info in infos.values() if "outcome" in info]
         shares = {name: self._outcomes.count(outcome) / self.n_agents for name, outcome in _SHARES.items()}
         rewards = [float(by_agent[name]) for name in self.agents]
@@ -129,7 +109,7 @@ class PyMARLEnv(NotCopied):
     def _joined(self, rewards: list[float]) -> float | list[float]:
         if not self._common_reward:
             return rewards
-        return sum(rewards) / (1 if self._scalarisation == "sum" else self.n_agents)
+        return sum(rewards) / self._share
 
     def _keep(self, observations: Mapping[str, Any], infos: Mapping[str, Any]) -> None:
         """Keep what the agents observe and may do; shorter vectors and masks end in zeros."""

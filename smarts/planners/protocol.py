@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Floats
-from smarts.errors import SmartsError
 from smarts.planners.paths import resample
 from smarts.types.actions import PATH_COLUMNS
 
@@ -107,26 +106,6 @@ class Planner(Protocol):
 
         """
         ...
-
-
-def check_plans(plans: Any, rows: int, planner: Any) -> None:
-    """Raise unless a planner's answer has a path and a status for each vehicle.
-
-    Raises:
-        SmartsError: Names the planner, what is wrong with its answer and what is expected.
-    """
-    place = f"{type(planner).__module__}:{type(planner).__name__}.plan"
-    if not isinstance(plans, Plans):
-        raise SmartsError(
-            f"returns {type(plans).__name__}", place=place, remedy="return smarts.planners.Plans"
-        )
-    path, status = np.shape(plans.path), np.shape(plans.status)
-    if len(path) != 3 or path[0] != rows or path[1] < 1 or path[2] != PATH_COLUMNS or status != (rows,):
-        raise SmartsError(
-            f"returns a path of shape {path} and a status of shape {status}",
-            place=place,
-            remedy=f"return shapes ({rows}, P, {PATH_COLUMNS}) and ({rows},), a row for each vehicle",
-        )
 
 
 def keep_last(path: Floats, failed: Bools, last: Floats | None, elapsed: Floats) -> Plans:

@@ -7,7 +7,6 @@ folder. So a changed comment runs the scenario file again but writes nothing.
 
 from __future__ import annotations
 
-import errno
 import json
 import logging
 import os
@@ -105,14 +104,6 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
         return built
 
 
-_REMEDIES = {
-    errno.ENOSPC: "make room on that disk, and build again",
-    errno.EDQUOT: "make room on that disk, and build again",
-    errno.EACCES: "give yourself access to it",
-    errno.EPERM: "give yourself access to it",
-}
-
-
 @contextmanager
 def _named_failures(place: str) -> Iterator[None]:
     """Turn errors of the file system into errors that name the user's file or folder, `place`."""
@@ -121,7 +112,9 @@ def _named_failures(place: str) -> Iterator[None]:
     except OSError as error:
         where = f" ({error.filename})" if error.filename and str(error.filename) != place else ""
         problem = f"building the scenario failed: {error.strerror or error}{where}"
-        raise ScenarioError(problem, place=place, remedy=_REMEDIES.get(error.errno or 0, "")) from error
+        raise ScenarioError(
+            problem, place=place, remedy="make room on that disk, or give yourself access"
+        ) from error
 
 
 @cache

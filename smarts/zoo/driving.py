@@ -8,7 +8,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_number
 from smarts.agents.criteria import DoneCriteria
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
@@ -101,18 +100,6 @@ class Idm(NamedTuple):
         free = np.maximum(free, -self.decel)
         return np.clip(free - idm_interaction.py_func(*following), -HARDEST, self.accel)
 
-    def checked(self, place: str) -> Idm:
-        """Return the same parameters.
-
-        Raises:
-            InterfaceError: One is not a number, or out of its range.
-        """
-        for name in ("accel", "decel"):
-            check_number(name, getattr(self, name), above=True, most=100.0, place=place)
-        for name in ("tau", "min_gap"):
-            check_number(name, getattr(self, name), most=100.0, place=place)
-        return Idm(*map(float, self))
-
 
 class Driver(BatchAgent):
     """A driver that follows leaders by IDM, stops at red lights, ends of lanes and for crossing traffic.
@@ -127,9 +114,6 @@ class Driver(BatchAgent):
         speed_factor: Desired speed, in speed limits.
         max_speed: Upper bound of the desired speed [m/s].
         junction_margin: Margins in time to others at junctions, in those of `smarts/roads/precedence.py`.
-
-    Raises:
-        InterfaceError: An argument is not a number, or out of its range.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER
@@ -146,11 +130,8 @@ class Driver(BatchAgent):
         max_speed: float = math.inf,
         junction_margin: float = 1.0,
     ) -> None:
-        self.model = Idm(tau, accel, decel, min_gap).checked(type(self).__name__)
-        for name, value in (("speed_factor", speed_factor), ("max_speed", max_speed)):
-            check_number(name, value, above=True, place=type(self).__name__)
+        self.model = Idm(*map(float, (tau, accel, decel, min_gap)))
         self._speed_factor, self._max_speed = float(speed_factor), float(max_speed)
-        check_number("junction_margin", junction_margin, most=100.0, place=type(self).__name__)
         if junction_margin != 1.0:
             self.observation = [{"surroundings": {"margins": float(junction_margin)}}]  # pyright: ignore
         self._last = Memory(2)  # speed and target speed

@@ -17,8 +17,6 @@ from smarts.registry import guarded, load_own
 
 VERSIONED = re.compile(r"[\w.-]+-v\d+")
 """The form of a name in the zoo: "idm-v0"."""
-M_LEVELS = ("M0", "M1", "M2", "M3", "M4", "M5")
-"""Multi-agent learning levels of the paper, from fixed rules to social welfare; "" if unknown."""
 
 EntryPoint = Callable[..., Any] | str
 
@@ -38,7 +36,7 @@ class ZooEntry:
     """Keywords of the entry point, unless the caller gives others."""
     author: str = ""
     m_level: str = ""
-    """One of `M_LEVELS`."""
+    """Multi-agent learning level of the paper, "M0" (fixed rules) to "M5" (social welfare); "" if unknown."""
     provenance: str = ""
     """Origin of the agent: a paper, or the run that it was trained in."""
     licence: str = ""
@@ -55,14 +53,9 @@ class ZooEntry:
 
         Raises:
             OwnCodeError: It cannot be imported.
-            SmartsError: It is not callable.
         """
         found = self.entry_point
-        if isinstance(found, str):
-            found = load_own(found, f"agent {self.name!r}, entry point")
-        if not callable(found):
-            raise _no_agent(self.locator, found)
-        return found
+        return load_own(found, f"agent {self.name!r}, entry point") if isinstance(found, str) else found
 
     def description(self) -> str:
         """Return the first sentence of the entry point's docstring."""
@@ -150,15 +143,9 @@ def entry_of(
     """Return an entry after a check of its values.
 
     Raises:
-        UnknownNameError: The name has no version, or there is no such M-level.
+        UnknownNameError: The name has no version.
     """
     check_name(name)
-    place = f"agent {name!r}"
-    level = metadata.get("m_level", "")
-    if level and level not in M_LEVELS:
-        raise UnknownNameError(
-            f"there is no M-level {level!r}", place=place, remedy=nearest_names(level, M_LEVELS)
-        )
     return replace(ZooEntry(name, entry_point, module, dict(defaults)), **metadata)
 
 

@@ -20,7 +20,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_instance
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
@@ -34,7 +33,7 @@ from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import OWN, Lane, Own
 from smarts.observations.way_ahead import SPACING
 from smarts.planners import PLANNERS, Limits, Neighbours, Planner, PlanStatus, as_actions, resample
-from smarts.planners.protocol import check_plans, keep_last
+from smarts.planners.protocol import keep_last
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, excess, target_speed
@@ -190,7 +189,6 @@ class PlannedDriver(Driver):
         states = np.column_stack([place, speed, curvatures(last, elapsed)])
         around = neighbours_of(ways, obs.observations[NEARBY][rows], view.own[rows])
         plans = self._planner.plan(states, targets, around, last, elapsed)
-        check_plans(plans, len(rows), self._planner)
         strays = (plans.status == PlanStatus.PLANNED) & leaves_lanes(plans.path, place[:, 1])
         if strays.any():
             plans = keep_last(plans.path, strays | (plans.status != PlanStatus.PLANNED), last, elapsed)
@@ -240,18 +238,13 @@ class _View(NamedTuple):
         return Seen(own, lanes)
 
 
+@cache
 def planner_named(name: str, limits: Limits) -> Planner:
     """Return the planner of a name for vehicles of some limits; equal calls get one, which takes a second.
 
     Raises:
         SmartsError: There is no planner of this name.
     """
-    check_instance("planner", name, str, "a name such as 'receding_horizon'")
-    return _planner(name, limits)
-
-
-@cache
-def _planner(name: str, limits: Limits) -> Planner:
     return PLANNERS[name](limits)
 
 

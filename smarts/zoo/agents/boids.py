@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.agents.checks import check_number
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Floats, Ints
 from smarts.observations.surroundings import Own
@@ -27,9 +26,6 @@ class Boids(Driver):
         alignment: Weight of the flock's mean speed [1/s].
         cohesion: Weight of the distance to the flock's centre [1/s^2].
         speed_factor: Highest speed, in speed limits.
-
-    Raises:
-        InterfaceError: An argument is not a number, or out of its range.
     """
 
     def __init__(
@@ -40,9 +36,6 @@ class Boids(Driver):
         speed_factor: float = 1.0,
     ) -> None:
         super().__init__(tau=0.8, speed_factor=speed_factor)
-        check_number("radius", radius, above=True, most=1000.0, place="Boids")
-        check_number("alignment", alignment, most=10.0, place="Boids")
-        check_number("cohesion", cohesion, most=10.0, place="Boids")
         self._radius, self._alignment, self._cohesion = map(float, (radius, alignment, cohesion))
 
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:

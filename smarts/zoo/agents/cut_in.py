@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.agents.checks import check_number
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
 from smarts.observations.surroundings import OWN, Lane
@@ -33,7 +32,7 @@ class CutIn(PlannedDriver):
         planner: Planner of its lane changes: a name such as "receding_horizon", or a "module:Class".
 
     Raises:
-        SmartsError: There is no such planner, or a number is out of its range.
+        SmartsError: There is no such planner.
     """
 
     def __init__(
@@ -44,8 +43,6 @@ class CutIn(PlannedDriver):
         planner: str = "receding_horizon",
     ) -> None:
         super().__init__(planner, speed_factor=speed_factor)
-        check_number("gap", gap, least=LEAST_GAP, most=LONGEST, place="CutIn")
-        check_number("faster", faster, above=True, most=30.0, place="CutIn")
         self._gap, self._faster = float(gap), float(faster)
         self._done = Memory(1)
 

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_number
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.arrays import Floats, Ints
@@ -40,7 +39,6 @@ class NonInteractive(BatchAgent):
 
     def __init__(self, speed: float = 10.0) -> None:
         # The original's files ask for 80 m/s.
-        check_number("speed", speed, most=1000.0, place="NonInteractive")
         self._speed = min(float(speed), FASTEST)
 
     def act(self, obs: ActionBatch) -> NDArray:

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from smarts.agents.checks import check_number
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Floats, Ints
 from smarts.observations.surroundings import OWN, Lane, Own
@@ -48,11 +47,6 @@ class MobilDriver(Driver):
         junction_margin: float = 1.0,
     ) -> None:
         super().__init__(tau, accel, decel, min_gap, speed_factor, max_speed, junction_margin)
-        place = type(self).__name__
-        for name, value in (("politeness", politeness), ("threshold", threshold)):
-            check_number(name, value, most=100.0, place=place)
-        check_number("bias_right", bias_right, least=-100.0, most=100.0, place=place)
-        check_number("safe_braking", safe_braking, above=True, most=100.0, place=place)
         self._politeness, self._threshold = float(politeness), float(threshold)
         self._bias_right, self._safe_braking = float(bias_right), float(safe_braking)
         self._last_change = Memory(1)

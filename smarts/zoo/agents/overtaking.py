@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.agents.checks import check_number
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
 from smarts.observations.surroundings import OWN, Lane, Own
@@ -28,14 +27,13 @@ class Overtaking(PlannedDriver):
         planner: Planner of its lane changes: a name such as "receding_horizon", or a "module:Class".
 
     Raises:
-        SmartsError: There is no such planner, or a number is out of its range.
+        SmartsError: There is no such planner.
     """
 
     def __init__(
         self, slower: float = 2.0, speed_factor: float = 1.1, planner: str = "receding_horizon"
     ) -> None:
         super().__init__(planner, speed_factor=speed_factor)
-        check_number("slower", slower, above=True, most=60.0, place="Overtaking")
         self._slower = float(slower)
         self._way_back = Memory(1)
 

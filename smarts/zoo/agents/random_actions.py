@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_number
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.types.streams import uniform
@@ -20,9 +19,6 @@ class RandomActions(BatchAgent):
     Args:
         max_speed: Largest target speed [m/s].
         change: Probability of a change to the left, and of one to the right.
-
-    Raises:
-        InterfaceError: An argument is not a number, or out of its range.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER
@@ -30,8 +26,6 @@ class RandomActions(BatchAgent):
     period: ClassVar[int] = 5
 
     def __init__(self, max_speed: float = 15.0, change: float = 0.1) -> None:
-        check_number("max_speed", max_speed, most=60.0, place="RandomActions")
-        check_number("change", change, most=0.5, place="RandomActions")
         self._max_speed, self._change = float(max_speed), float(change)
 
     def act(self, obs: ActionBatch) -> NDArray:

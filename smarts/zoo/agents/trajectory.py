@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_number, check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.arrays import Floats
@@ -37,8 +36,6 @@ class TrajectoryPlayer(BatchAgent):
     step_length: ClassVar[float] = STEP
 
     def __init__(self, poses: Any, interval: float = STEP, relative: bool = False) -> None:
-        check_number("interval", interval, above=True, most=1e3, place="TrajectoryPlayer")
-        check_truth("relative", relative, "TrajectoryPlayer")
         self._poses, self._interval, self._relative = _poses(poses), float(interval), bool(relative)
         self._poses[:, 3] /= self._interval
         self._begin = Memory(4)

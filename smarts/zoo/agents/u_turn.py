@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_number
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
@@ -17,7 +16,6 @@ from smarts.observations.lane_ways import LANE_WAYS
 from smarts.observations.surroundings import OWN, Own
 from smarts.observations.u_turn import LATERAL, POINTS, SHARPEST, TURN_LANE, TURN_STATE
 from smarts.planners import Limits, PlanStatus, SumoPlanner, resample
-from smarts.planners.protocol import check_plans
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, target_speed
 from smarts.zoo.planned import agilities, lane_paths, plan_paths, planner_named
@@ -48,8 +46,7 @@ class UTurn(Driver):
             A name such as "bezier", or a "module:Class".
 
     Raises:
-        SmartsError: There is no such planner, it cannot turn round (as "sumo"), or a number is out of its
-            range.
+        SmartsError: There is no such planner, or it cannot turn round (as "sumo").
     """
 
     interface: ClassVar[AgentInterface] = DRIVER.replace(action=ActionSpaceType.Trajectory)
@@ -57,7 +54,6 @@ class UTurn(Driver):
 
     def __init__(self, after: float = 0.0, speed_factor: float = 1.0, planner: str = "bezier") -> None:
         super().__init__(speed_factor=speed_factor)
-        check_number("after", after, most=1e6, place="UTurn")
         self._after = float(after)
         self._planner = planner_named(planner, LIMITS)
         if isinstance(self._planner, SumoPlanner):
@@ -103,7 +99,6 @@ class UTurn(Driver):
         targets[:, 1:4], targets[:, 4] = lane[:, 0], pace[rows]
         targets[:, 0] = 0.5 * np.pi * np.hypot(*(targets[:, 1:3] - states[:, :2]).T) / pace[rows]
         plans = self._planner.plan(states, targets)
-        check_plans(plans, len(rows), self._planner)
         # The path ends up to `FARTHEST` from the lane's first point, so the lane goes on with its second.
         times = plans.path[:, -1:, 0] * np.linspace(0.0, 1.0, PATH_POINTS - POINTS + 1)
         turns = plan_paths(resample(plans.path, times))

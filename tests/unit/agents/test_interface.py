@@ -10,7 +10,6 @@ from smarts.agents import (
     AgentInterface,
     AgentsListAlive,
     AgentType,
-    InterestDoneCriteria,
     InterfaceError,
     NeighborhoodVehicles,
     OcclusionMap,
@@ -75,7 +74,6 @@ def test_old_names_are_understood():
     ("wrong", "said"),
     [
         ({"waypoint_paths": 32}, "waypoint_paths is 32"),
-        ({"waypoints": True, "waypoint_paths": True}, "both 'waypoints' and 'waypoint_paths'"),
         ({"action": "lane"}, "an instance of ActionSpaceType"),
         ({"vehicle_class": "bsu"}, "'bus'"),
         ({"vehicle_model": "bulet"}, "'bullet'"),
@@ -96,7 +94,6 @@ def test_what_is_wrong_is_said(wrong, said):
         (Waypoints, {"lookahed": 9}, "'lookahead'"),
         (AgentsListAlive, {"agents_list": "ego", "minimum_agents_alive_in_list": 1}, "agents_list is 'ego'"),
         (AgentsListAlive, {"agents_list": []}, "minimum_agents_alive_in_list is missing"),
-        (InterestDoneCriteria, {"actors_filter": ["["]}, "'['"),
     ],
 )
 def test_options_that_cannot_be(option, values, said):
@@ -110,8 +107,3 @@ def test_numbers_of_numpy_become_those_of_python():
     assert (option, type(option.lookahead), type(option.spacing)) == (Waypoints(9, 2.0), int, float)
     assert type(Signals(lookahead=3).lookahead) is float
     assert type(AgentInterface(max_episode_steps=np.int32(5)).max_episode_steps) is int
-
-
-def test_unknown_types():
-    with raises(InterfaceError, "AgentInterface.from_type", values=["'Laner'"]):
-        AgentInterface.from_type("Lanner")

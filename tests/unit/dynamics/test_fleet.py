@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from smarts.dynamics import FLAT_TYRE, MODELS, Box, Fleet, MotionError
-from smarts.errors import UnknownNameError
 from tests.raising import raises
 
 
@@ -138,11 +137,3 @@ def test_another_process_gives_the_same_bits():
         for row in wild_controls(4, 60):
             fleet.step(row)
         assert fingerprint(fleet, slice(0, 4)) == other
-
-
-@pytest.mark.parametrize(
-    ("name", "options"), [("submarine", {}), ("bus", {"model": "magic"}), ("bus", {"tyres": "pacejca"})]
-)
-def test_misspelt_names_are_refused(name, options):
-    with Fleet(1, 1) as fleet, pytest.raises(UnknownNameError):
-        fleet.spawn(0, name, (0.0, 0.0), 0.0, **options)

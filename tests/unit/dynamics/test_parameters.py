@@ -3,7 +3,6 @@ import pytest
 from smarts.config import ConfigError, read_config
 from smarts.dynamics import vehicle, vehicle_names
 from smarts.dynamics.parameters import SteeringParameters
-from smarts.errors import UnknownNameError
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -17,12 +16,6 @@ def test_every_vehicle_is_complete_and_plausible(name):
     assert car.front_overhang + car.wheelbase < car.length
     roll, pitch, yaw = car.inertia
     assert max(roll, pitch, yaw) <= min(roll + pitch, pitch + yaw, yaw + roll), "no solid has such inertias"
-
-
-def test_unknown_vehicle():
-    with pytest.raises(UnknownNameError) as error:
-        vehicle("pasenger")
-    assert "passenger" in error.value.remedy
 
 
 @pytest.mark.parametrize(

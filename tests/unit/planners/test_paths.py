@@ -8,10 +8,8 @@ import pytest
 from smarts.controllers.action_formats import PATH_POINTS
 from smarts.controllers.trajectory_interpolation import TrajectoryInterpolation
 from smarts.controllers.trajectory_tracking import TrajectoryTracking
-from smarts.errors import SmartsError
 from smarts.geometry.frames import wrap_angle
-from smarts.planners import Plans, as_actions, resample
-from smarts.planners.protocol import check_plans
+from smarts.planners import as_actions, resample
 
 PATH = np.array([[[0.0, 0, 0, 0, 4], [1, 4, 2, math.pi / 2, 2]]])
 
@@ -68,18 +66,3 @@ def test_a_path_that_stands_keeps_its_heading():
     assert found[0, 2].tolist() == [1.0] * 8
     assert np.isnan(found[1]).all()
     assert as_actions(path[:, :1], 8, with_time=False)[0, 2].tolist() == [1.0] * 8
-
-
-class _Own:
-    """A user's planner."""
-
-
-@pytest.mark.parametrize(
-    "plans",
-    [None, Plans(PATH[0], np.zeros(1, np.uint8)), Plans(np.repeat(PATH, 2, 0), np.zeros(2, np.uint8))],
-)
-def test_answers_of_own_planners_are_checked(plans):
-    check_plans(Plans(PATH, np.zeros(1, np.uint8)), 1, _Own())
-    with pytest.raises(SmartsError) as raised:
-        check_plans(plans, 1, _Own())
-    assert "_Own" in raised.value.place

@@ -108,7 +108,6 @@ def test_a_module_registers_its_agents(module):
         ("idn-v0", {}, UnknownNameError, "'idm-v0'"),
         ("idm", {}, UnknownNameError, "a name ends in its version"),
         ("idm-v0", {"tua": 1.0}, SmartsError, "'tau'"),
-        ("idm-v0", {"tau": -1.0}, SmartsError, "tau is -1.0"),
         ("json:x-v0", {}, UnknownNameError, "register"),
         ("no_such_module.at_all:x-v0", {}, OwnCodeError, "no_such_module"),
         ("zoo.policies:replay-agent-v0", {}, UnknownNameError, "trajectory-v0"),
