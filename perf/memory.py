@@ -3,10 +3,9 @@
     python -m perf.memory --episodes 2000
     python -m perf.memory --episodes 2000 --record
 
-Prints the resident set every 200 episodes, and what the C heap and Python hold: these two do not depend on
-how the allocator cuts its pages, so they distinguish a leak from fragmentation. The remaining leak is SUMO
-1.28's: at every load it loses the name of each file some ten times (`XMLSubSys::transcodeToLocal`), and adds
-its examples of calls to a list that is never emptied (`OptionsCont::addCallExample`).
+Prints the resident set every 200 episodes. The remaining leak is SUMO 1.28's: at every load it loses the name
+of each file some ten times (`XMLSubSys::transcodeToLocal`), and adds its examples of calls to a list that is
+never emptied (`OptionsCont::addCallExample`).
 """
 
 from __future__ import annotations
@@ -15,13 +14,11 @@ import argparse
 import ctypes
 import gc
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,46 +31,12 @@ EARLY = 200
 """Episodes after which everything has been used once."""
 
 
-class _MallInfo(ctypes.Structure):
-    """`struct mallinfo2` of glibc."""
-
-    _fields_ = [
-        (name, ctypes.c_size_t)
-        for name in (
-            "arena",
-            "ordblks",
-            "smblks",
-            "hblks",
-            "hblkhd",
-            "usmblks",
-            "fsmblks",
-            "uordblks",
-            "fordblks",
-            "keepcost",
-        )
-    ]
-
-
-class Memory(NamedTuple):
-    """What the process holds."""
-
-    resident: int
-    """[byte]"""
-    heap: int
-    """Given out by malloc [byte]."""
-    blocks: int
-    """Number of blocks of Python's own allocator."""
-
-
-def memory() -> Memory:
-    """Return what this process holds, garbage and unused pages taken away."""
+def resident() -> int:
+    """Return what this process holds, garbage and unused pages taken away [byte]."""
     gc.collect()
-    libc = ctypes.CDLL(None)
-    libc.malloc_trim(0)
-    libc.mallinfo2.restype = _MallInfo
-    info = libc.mallinfo2()
+    ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return Memory(pages * os.sysconf("SC_PAGE_SIZE"), info.uordblks + info.hblkhd, sys.getallocatedblocks())
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @contextmanager
@@ -93,26 +56,18 @@ def measure(options: argparse.Namespace) -> None:
     with _folder(options.record) as record:
         env = VectorHiWayEnv(1, options.scenarios, agents, simulation=Options(record=record))
         env.reset(42)
-        early, episodes = memory(), 0
+        early, episodes = resident(), 0
         while episodes < options.episodes:
             over = env.step([np.zeros((1, 4), int)]).reset[0]
             episodes += int(over)
             if over and episodes % EARLY == 0:
-                now = memory()
+                now, seconds = resident(), time.perf_counter() - begin
                 early = now if episodes == EARLY else early
-                _print_row(episodes, now, early, time.perf_counter() - begin)
+                more = 100 * (now / early - 1)
+                print(
+                    f"{episodes:5} episodes, {seconds:5.0f} s: {now / 1e6:7.2f} MB ({more:+.2f}%)", flush=True
+                )
         env.close()
-
-
-def _print_row(episodes: int, now: Memory, early: Memory, seconds: float) -> None:
-    since = max(episodes - EARLY, 1)
-    print(
-        f"{episodes:5} episodes, {seconds:5.0f} s: resident {now.resident / 1e6:7.2f} MB"
-        f" ({100 * (now.resident / early.resident - 1):+.2f}%), heap {now.heap / 1e6:7.2f} MB"
-        f" ({(now.heap - early.heap) / since:+.0f} B an episode), {now.blocks} blocks of Python's"
-        f" ({(now.blocks - early.blocks) / since:+.2f} an episode)",
-        flush=True,
-    )
 
 
 def main() -> None:

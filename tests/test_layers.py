@@ -6,8 +6,6 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -116,24 +114,6 @@ def test_the_kit_needs_numpy_and_msgpack_only():
 def test_every_package_has_a_layer():
     packages = {package_of(".".join(file.relative_to(ROOT).with_suffix("").parts)) for file in FILES}
     assert packages == {*LAYER, *TOPS, ALIASES}
-
-
-@pytest.mark.parametrize(
-    ("place", "source"),
-    [
-        ("smarts/roads/a.py", "from smarts.sstudio import types"),
-        ("smarts/roads/a.py", "def f():\n    from ..sim import simulation"),
-        ("smarts/sstudio/a.py", "from smarts.core.colors import Colors"),
-        ("smarts/providers/a.py", "import libsumo"),
-        ("algorithms/a.py", "from smarts.errors import SmartsError"),
-    ],
-)
-def test_the_check_finds_violations(tmp_path, monkeypatch, place, source):
-    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
-    file = tmp_path / place
-    file.parent.mkdir(parents=True)
-    file.write_text(source)
-    assert violations(file, imports_of(file))
 
 
 def cycles(imports: Mapping[str, set[str]]) -> list[list[str]]:

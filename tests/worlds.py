@@ -87,6 +87,15 @@ def world_of(
     return made
 
 
+def place_on_route(made: HandMade, agent: int = 0) -> tuple[int, int, float]:
+    """Return an agent's slot, the row of its lane on its route, and its place there; of simulation 0."""
+    routes, slot = made.routes.current.value, int(made.world.agents.slot[0, agent])
+    route = routes.free + routes.number[0, agent]
+    lane = made.world.vehicles.lane[0, slot]
+    (row,) = (row for row in range(routes.start[route], routes.start[route + 1]) if routes.lane[row] == lane)
+    return slot, row, float(made.world.vehicles.lane_position[0, slot])
+
+
 def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
     missions = [car.mission for car in cars if car.mission]
     made.routes.assign(row, int(made.world.map[row]), [mission.route for mission in missions])

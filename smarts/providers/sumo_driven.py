@@ -52,7 +52,7 @@ class DrivenRows:
         """Read SUMO's values, after a step of SUMO; the world's steps are in step with SUMO's: write them.
 
         One call per value and vehicle, in a pass without interpreted code, is faster than subscriptions,
-        which build a dictionary for every vehicle (`perf/traffic.py`).
+        which build a dictionary for every vehicle (`perf/traffic.py` at commit 63735bac).
 
         Args:
             driven: Slots of the vehicles by their SUMO ids.

@@ -18,7 +18,6 @@ from tests.raising import raises
 KINDS = tuple(ActionSpaceType)
 WITH_NUMBERS = [kind for kind in KINDS if kind != ActionSpaceType.Empty]
 """Without the type whose action is nothing, which cannot be wrong or out of range."""
-NAN = float("nan")
 POINTS = np.arange(1.0, 11.0)
 SCENARIO = textwrap.dedent(
     f"""
@@ -79,21 +78,6 @@ def is_path(kind):
     return len(shape(kind)) == 2
 
 
-def bad(kind):
-    """Return invalid actions."""
-    wrong = ["fast", None, [[1.0, 2.0], [3.0]]]
-    if kind == ActionSpaceType.Lane:
-        return [*wrong, 4, -1, 0.5, NAN, "keep_left"]
-    if is_path(kind):
-        rows = shape(kind)[0]
-        return [*wrong, np.full((rows, 5), NAN), np.zeros((rows + 1, 5)), np.zeros((rows, 0))]
-    size = shape(kind)[0]
-    invalid = [*wrong, np.full(size, NAN), np.full(size, np.inf), np.zeros(size + 3)]
-    if kind == ActionSpaceType.MultiTargetPose:
-        invalid += [{"a": (0, 0, 0, 1), "b": (0, 0, 0, 1)}, {}]
-    return invalid
-
-
 def name(kind):
     return f"the {kind.name}"
 
@@ -117,18 +101,6 @@ def env(tmp_path_factory):
     made.close()
 
 
-def motions(seen):
-    states = [seen[name(kind)].ego_vehicle_state for kind in KINDS]
-    return [(state.position, state.speed, float(state.heading)) for state in states]
-
-
-@pytest.fixture(scope="module")
-def untouched(env):
-    """Return the observations after a step without actions."""
-    env.reset(seed=2)
-    return env.step({})[0]
-
-
 @pytest.fixture
 def seen(env, untouched):
     return env.reset(seed=2)[0]
@@ -146,17 +118,6 @@ def test_every_type_drives(env, seen):
         dx, dy = np.subtract(state.position[:2], start[kind].position[:2])
         ahead = dx * np.cos(start[kind].heading) + dy * np.sin(start[kind].heading)
         assert ahead > 1.0, kind
-
-
-@pytest.mark.parametrize("kind", WITH_NUMBERS)
-def test_invalid_actions_name_the_agent_and_have_no_effect(env, seen, untouched, kind):
-    for action in bad(kind):
-        with pytest.raises(ActionError, match=name(kind)):
-            env.step({name(ActionSpaceType.Continuous): (1.0, 0.0, 0.0), name(kind): action})
-    now, *_ = env.step({})
-    assert now[name(kind)].step_count == seen[name(kind)].step_count + 1
-    # The valid action of the other agent had no effect either.
-    assert motions(now) == motions(untouched)
 
 
 @pytest.mark.parametrize(

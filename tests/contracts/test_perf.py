@@ -24,11 +24,9 @@ SMALLEST = {
     ],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "native": ["--scenarios", "two_way_v1", "--seeds", "2", "--seconds", "20"],
-    "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
     "size": [],
-    "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
 }
 """Arguments of the scripts that run in the tests' process."""
 OFTEN = ("step", "same_episodes")
@@ -42,7 +40,7 @@ IN_OWN_PROCESS = {
     ],
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
-ELSEWHERE = {"endurance", "gpu_learner", "native_film", "real_maps", "yardsticks"}
+ELSEWHERE = {"gpu_learner", "native_film", "real_maps", "yardsticks"}
 """Scripts that take minutes, have their own tests, or draw a picture of a page."""
 
 

@@ -9,10 +9,7 @@ import pytest
 
 from smarts.agents import AgentInterface, AgentType
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.options import InterfaceError
 from smarts.env import HiWayEnv, VectorHiWayEnv
-from smarts.errors import OwnCodeError
-from smarts.registry import import_own
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
 from smarts.sensors.bounds import FARTHEST
@@ -22,7 +19,6 @@ from smarts.types.interface import Field
 from smarts.types.mission import AgentMission, Via
 from smarts.types.traffic import Signal
 from tests import maps
-from tests.raising import raises
 from tests.worlds import Car, world_of
 
 VIA = Via(position=(-40.0, -1.6), lane=1, radius=2.0, speed=8.0)
@@ -172,76 +168,3 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
         np.testing.assert_allclose(odometers["odometer/distance"], driven / 10.0, rtol=1e-6)
     finally:
         arrays.close()
-
-
-SENSOR = """
-from dataclasses import dataclass
-import numpy as np
-from smarts.types.interface import Field
-
-@dataclass(frozen=True)
-class Right:
-    factor: float = 1.0
-
-    def fields(self):
-        return (Field("value", (), np.float32, 0.0, 9.0, "", "a number"),)
-
-    def bind(self, scene, agent_ids, out):
-        def observe(observe_mask):
-            out["value"][observe_mask] = self.value()
-        return observe
-
-    def value(self):
-        return self.factor
-
-    @staticmethod
-    def as_object(readings, seen):
-        return float(readings["value"])
-
-class Raises(Right):
-    def value(self):
-        raise RuntimeError("boom")
-
-class AsObject(Right):
-    @staticmethod
-    def as_object(readings, seen):
-        return readings["nope"]
-"""
-
-
-@pytest.mark.parametrize(
-    ("kind", "line", "said"),
-    [
-        ("Raises", 'RuntimeError("boom")', "RuntimeError: boom"),
-        ("AsObject", '"nope"', "KeyError: 'nope'"),
-        ("Right", "", ""),
-    ],
-)
-def test_mistakes_in_an_own_sensor_are_errors_with_file_and_line(tmp_path, monkeypatch, kind, line, said):
-    file = tmp_path / f"own_{tmp_path.name}.py"
-    file.write_text(SENSOR)
-    import_own([file])
-    monkeypatch.setattr(SENSORS, "_added", {*SENSORS._added})
-    monkeypatch.setattr(SENSORS, "_places", {**SENSORS._places})
-    SENSORS.add("of_mine", f"{file.stem}:{kind}")
-
-    def observed(option):
-        env = HiWayEnv(["loop"], {"ego": benchmark_interface(of_mine=option)})
-        try:
-            return env.reset(seed=1)[0]["ego"].of_mine
-        finally:
-            env.close()
-
-    if not said:
-        made = SENSORS["of_mine"]
-        assert (made.__name__, made(2.0)) == (kind, made(2.0))
-        assert (observed(True), observed(made(2.0))) == (1.0, 2.0)
-        return
-    number = next(number for number, each in enumerate(SENSOR.splitlines(), 1) if line in each)
-    with raises(OwnCodeError, f"{file}:{number}", values=["the sensor", kind, said]):
-        observed(True)
-
-
-def test_invalid_options_raise(odometer):
-    with raises(InterfaceError, "AgentInterface.odometer", values=[3]):
-        AgentInterface(odometer=3)

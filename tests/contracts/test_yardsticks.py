@@ -9,13 +9,11 @@ from mpe2 import simple_spread_v3
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.making import check_environment
-from algorithms.joint.rollout import View
-from algorithms.joint.sampler import EvaluatedStep
 from perf.yardstick_games.foraging import LOAD, Foraging
 from perf.yardstick_games.matrices import Matrices, scaled
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS
 from perf.yardstick_games.spread import Spread
-from perf.yardsticks import Loops, configured, file_of, main
+from perf.yardsticks import configured
 
 SEED = 7
 
@@ -87,17 +85,6 @@ def test_spread_equals_the_packages_game_step_by_step():
                 shown[row] = env.reset(seed=episode_seed(SEED, row, t // 25))[0]
 
 
-@pytest.mark.parametrize("limit_ends", [True, False])
-def test_a_time_limit_is_an_end_of_the_game_only_where_the_recipe_says_so(limit_ends):
-    game = YARDSTICKS["spread"].make(2, limit_ends=limit_ends)
-    game.reset(SEED, np.arange(2))
-    steps = [game.step((np.zeros((2, 3), int),)) for _ in range(game.length)]
-    assert not any((step.terminated | step.truncated).any() for step in steps[:-1])
-    assert (steps[-1].terminated == limit_ends).all()
-    assert (steps[-1].truncated != limit_ends).all()
-    assert steps[-1].reset.all()
-
-
 def test_matrices_pay_the_team_1_for_the_best_actions_and_0_on_average():
     payoffs = scaled(np.array([[[1.0, 2.0], [3.0, 6.0]]]))
     assert np.allclose(payoffs, [[[-2 / 3, -1 / 3], [0, 1]]])
@@ -127,35 +114,3 @@ def test_recipes_set_what_algorithms_have_and_suit_the_game(game):
     for name, recipe in RECIPES[game].items():
         config = configured(game, name, 1, recipe)
         check_environment(config, config.algo_class.runner_class)
-
-
-def test_episodes_loop_where_all_agents_see_again_what_they_saw_before():
-    loops = Loops()
-    for first, second in (((1, 1), (1, 1)), ((2, 1), (1, 2)), ((1, 1), (1, 1))):
-        seen = np.array([first, second], np.float32)[:, :, None]
-        view = View(({"": seen},), np.ones((2, 2), bool), (None,), None, None)
-        step = YARDSTICKS["matrices"].make(2).reset(SEED, np.arange(2))
-        loops(EvaluatedStep(np.array([5, -1]), view, (), (), step))
-    assert loops.looped == {5}
-
-
-@pytest.mark.nightly
-def test_the_command_trains_what_is_missing(tmp_path, monkeypatch, capsys):
-    run = (
-        "--games",
-        "matrices",
-        "--algorithms",
-        "vdn",
-        "--seeds",
-        "1",
-        "--steps",
-        "1024",
-        "--episodes",
-        "10",
-    )
-    monkeypatch.setattr("sys.argv", ["yardsticks", *run, "--out", str(tmp_path)])
-    main()
-    assert file_of(tmp_path, "matrices", "vdn", 1).read_text().splitlines()[-1].startswith("1024,")
-    assert "1 runs" in capsys.readouterr().out
-    main()
-    assert "runs" not in capsys.readouterr().out

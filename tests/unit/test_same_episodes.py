@@ -1,7 +1,6 @@
 """What `python perf/same_episodes.py` reads out of values, and how it names a difference."""
 
 import math
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +13,6 @@ class Point(NamedTuple):
     x: float
     name: str = "a"
     missing: float | None = None
-
-
-class Light(IntEnum):
-    STOP = 1
 
 
 @pytest.mark.parametrize(

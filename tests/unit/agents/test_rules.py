@@ -10,12 +10,10 @@ from smarts.agents import (
     AgentsListAlive,
     DoneCriteria,
     EventConfiguration,
-    InterfaceError,
 )
 from smarts.agents.rules import agent_rules, alive_rules
 from smarts.types.events import Event
 from smarts.types.interface import ENDING
-from tests.raising import raises
 
 
 def test_rules_of_an_interface():
@@ -55,8 +53,3 @@ def test_how_many_must_be_left():
         (1, [True, True, True], 3),
         (1, [True, False, True], 2),
     ]
-
-
-def test_agents_that_there_are_not():
-    with raises(InterfaceError, "AgentsListAlive.agents_list", values=["'bb'"]):
-        alive_rules([alive(agent_lists_alive=[AgentsListAlive(["bb"], 1)])], ["b"], egos=1)

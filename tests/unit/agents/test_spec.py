@@ -4,8 +4,7 @@ import pickle
 
 import pytest
 
-from smarts.agents import Agent, AgentInterface, AgentPolicy, AgentSpec, AgentType, InterfaceError
-from tests.raising import raises
+from smarts.agents import Agent, AgentInterface, AgentPolicy, AgentSpec, AgentType
 
 
 class Recorder(Agent):
@@ -52,8 +51,3 @@ def test_replacing_under_either_name():
 def test_specs_travel():
     spec = AgentSpec(AgentInterface(), Recorder, 1)
     assert pickle.loads(pickle.dumps(spec)) == spec
-
-
-def test_what_cannot_be_built():
-    with raises(InterfaceError, "AgentSpec.agent_builder"):
-        AgentSpec(agent_builder="Recorder").build_agent()

@@ -35,11 +35,6 @@ def first(*values):
     return [values[0], *(pytest.param(*value, marks=pytest.mark.nightly) for value in several)]
 
 
-def nightly_by_seed(test):
-    """Mark a test that learns a game: it is nightly, and runs with three seeds."""
-    return pytest.mark.nightly(pytest.mark.parametrize("seed", [1, 2, 3])(test))
-
-
 EVERY = cases(algorithms.names())
 OFF_POLICY = [
     name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, ReplaySettings)

@@ -1,28 +1,10 @@
 import re
-import subprocess
-import sys
 from pathlib import Path
 
-import pytest
-
 import algorithms
-from algorithms.errors import UnknownAlgorithmError
 from algorithms.registry import ActionKind
 
 PAGE = Path("docs/guide/algorithms.md")
-
-
-def test_listing_names_imports_neither_torch_nor_ray():
-    code = (
-        "import sys, algorithms; algorithms.names(); print(*{'torch', 'ray', 'gymnasium'} & set(sys.modules))"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == ""
-
-
-def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(UnknownAlgorithmError, match="'ppo'"):
-        algorithms.config("popo")
 
 
 def test_every_entry_leads_to_a_config_that_knows_its_name():

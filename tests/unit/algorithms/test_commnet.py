@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import Rig, first, nightly_by_seed
+from rigs import Rig, first
 
 from algorithms.commnet import CommNetModule
 from algorithms.joint.batch import GroupView
@@ -86,12 +86,10 @@ def test_agents_of_different_groups_and_spaces_hear_each_other_when_acting_as_wh
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("channel", "seed"), first((True, 1), *((channel, seed) for channel in (True, False) for seed in (2, 3)))
-)
-def test_a_blind_agent_is_told_by_one_that_is_not_paid(channel, seed):
+@pytest.mark.parametrize("channel", first(True, False))
+def test_a_blind_agent_is_told_by_one_that_is_not_paid(channel):
     """1.0 for the listener, 0.5 without a channel: the gradient flows through the message."""
-    rig = Rig("commnet", Speaker, seed=seed, gamma=0.5, lr=1e-2, channel=channel)
+    rig = Rig("commnet", Speaker, seed=1, gamma=0.5, lr=1e-2, channel=channel)
     for _ in range(150):
         rig.learner.update_joint(rig.rollout(32))
     assert (rig.rollout(64, explore=False).rewards[..., 1].mean() > 0.75) == channel
@@ -105,7 +103,7 @@ def levers_score(seed, updates=500, **settings):
     return rig.rollout(32, explore=False).rewards.mean()
 
 
-@nightly_by_seed
-def test_agents_that_talk_pull_all_levers(seed):
+@pytest.mark.nightly
+def test_agents_that_talk_pull_all_levers():
     """1.0; without a channel 0.718 at most, without learning 0.672."""
-    assert levers_score(seed) > (1 + 0.718) / 2
+    assert levers_score(1) > (1 + 0.718) / 2

@@ -4,7 +4,7 @@ import copy
 
 import pytest
 import torch
-from rigs import Rig, nightly_by_seed, per_step
+from rigs import Rig, per_step
 
 from tests.games.games import Cues, Ragged
 from tests.games.yielding import Yielding
@@ -100,7 +100,7 @@ def yielding_score(name, seed, updates=6):
     return per_step(rig.greedy_episodes(5))
 
 
-@nightly_by_seed
-def test_drivers_that_improve_in_turn_yield(seed):
+@pytest.mark.nightly
+def test_drivers_that_improve_in_turn_yield():
     """1.0; 0 or -1 where both answer at once to what the other did."""
-    assert (yielding_score("happo", seed) > 0.5).all()
+    assert (yielding_score("happo", 1) > 0.5).all()

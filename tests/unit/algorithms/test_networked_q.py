@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, first, moved, replayed
+from rigs import Rig, moved, replayed
 
 import algorithms
 from algorithms.errors import SpaceError
@@ -161,7 +161,6 @@ def gifts_score(seed, **settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", first(1, 2, 3))
-def test_agents_on_a_ring_serve_the_team(seed):
+def test_agents_on_a_ring_serve_the_team():
     """1.0; without consensus 0, by guessing 0.5."""
-    assert gifts_score(seed) > 0.75
+    assert gifts_score(1) > 0.75

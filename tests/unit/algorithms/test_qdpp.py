@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, nightly_by_seed, replayed
+from rigs import Rig, replayed
 from test_qtran import matrix_score
 
 from algorithms.parts.distributions import CategoricalDistribution
@@ -168,6 +168,6 @@ def test_with_orthogonal_vectors_it_is_vdn(double):
             torch.testing.assert_close(weight, rig.weights()[agent][name], rtol=1e-4, atol=1e-6)
 
 
-@nightly_by_seed
-def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic(seed):
-    assert matrix_score(seed, "qdpp", reward_scale=0.1) == 8
+@pytest.mark.nightly
+def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic():
+    assert matrix_score(1, "qdpp", reward_scale=0.1) == 8

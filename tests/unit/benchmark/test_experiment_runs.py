@@ -15,7 +15,7 @@ from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
-from benchmark.results.files import ResultsError
+from benchmark.results.files import ResultsError, locked
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.played import held_out_of
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -27,21 +27,21 @@ pytestmark = pytest.mark.slow
 
 TINY = """
 algorithms: [ppo]
-tasks: [loop]
+tasks: [double_merge]
 traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
-environment: {agents: 2, time_limit: 12}
+environment: {agents: 2, time_limit: 20}
 budget: {agent_steps: 6000}
-evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
+evaluation: {episodes: 3, held_out_episodes: 1, validations: 2, validation_episodes: 2}
 scripted: [parked]
 resources: {num_envs_per_env_runner: 2, parallel: 1}
 """
+RUN = "tiny/ppo/double_merge/no_social_vehicles/seed_3"
 
 
-@pytest.fixture
-def experiment(tmp_path):
-    file = tmp_path / "tiny.yaml"
+def experiment_in(folder):
+    file = folder / "tiny.yaml"
     file.write_text(TINY)
     return file
 
@@ -55,9 +55,11 @@ def progress(folder):
         return [*csv.DictReader(file)]
 
 
-def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
-    root = experiment.parent / "results" / "tiny"
-    run = root / "ppo/loop/no_social_vehicles/seed_3"
+@pytest.fixture(scope="module")
+def continued(tmp_path_factory):
+    """An experiment whose run was killed and continued, the run's folder, and the checkpoint at the kill."""
+    experiment = experiment_in(tmp_path_factory.mktemp("continued"))
+    root, run = experiment.parent / "results" / "tiny", experiment.parent / "results" / RUN
     first = start(experiment)
     wait_for(lambda: (run / "checkpoint" / "training.json").exists(), first)
     first.send_signal(signal.SIGKILL)  # at once, while half of the training is still to come
@@ -68,12 +70,16 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     (root / "command.json").unlink()
     goes_on = start(experiment)
     wait_for(lambda: (root / "command.json").exists(), goes_on)
-    goes_on.send_signal(signal.SIGSTOP)  # it holds the folder for as long as the third needs to see it
-    code, _, err = finish(start(experiment))
-    goes_on.send_signal(signal.SIGCONT)
-    assert code == 2
-    assert "is writing here" in err
-    assert finish(goes_on)[0] == 0
+    with raises(ResultsError, root, values=[goes_on.pid]), locked(root):
+        pass
+    code, _, err = finish(goes_on)
+    assert code == 0, err
+    return experiment, run, kept
+
+
+def test_a_run_that_is_killed_goes_on_and_is_finished_once(continued):
+    experiment, run, kept = continued
+    root = experiment.parent / "results" / "tiny"
     lines = progress(run)
     assert [int(line["iteration"]) for line in lines] == [*range(1, len(lines) + 1)]
     steps = [int(line["agent_steps"]) for line in lines]
@@ -99,25 +105,25 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
         f"--out {experiment.parent}/results"
     )
     table = read_table(run / "episodes.parquet")
-    assert table.groupby("mode").size().to_dict() == {"greedy": 6, "sampled": 6}  # 3 episodes of 2 agents
-    assert table.attrs["episodes"] == {"measured": 6, "invalid": 0, "incomplete": 0, "corrupted": {}}
+    # Three episodes of two agents, and one of a held-out variation.
+    assert table.groupby("mode").size().to_dict() == {"greedy": 6 + 2, "sampled": 6}
+    assert table.attrs["episodes"] == {"measured": 7, "invalid": 0, "incomplete": 0, "corrupted": {}}
     assert not (run / "episodes").exists()
-    parked = read_table(root / "scripted/parked/loop/no_social_vehicles/episodes.parquet")
+    parked = read_table(root / "scripted/parked/double_merge/no_social_vehicles/episodes.parquet")
     rates = compute(parked, metrics=["completion_rate"])
-    assert rates["value"].tolist() == [0.0]
+    assert set(rates["value"]) == {0.0}
     # The scripted policy begins its episodes as the trained policy does.
     starts = ["world", "agent", "start_x", "start_y", "start_speed"]
-    greedy = table.query("mode == 'greedy'")
-    assert np.array_equal(greedy[starts].to_numpy(), parked[starts].to_numpy())
+    greedy, driven = (each.query("mode == 'greedy' and split == 'train'") for each in (table, parked))
+    assert len(greedy) == 6
+    assert np.array_equal(greedy[starts].to_numpy(), driven[starts].to_numpy())
 
-    written = (run / "run.json").stat().st_mtime_ns
-    assert finish(start(experiment))[0] == 0
-    assert (run / "run.json").stat().st_mtime_ns == written  # what is finished is left alone
-    code, _, err = finish(start(experiment, "--set", "training.lr=0.5"))
-    assert code == 2
-    assert "a run with another config" in err
 
-    # Trained on, and tested in another way.
+def test_a_finished_run_trains_on_with_a_larger_budget_and_is_tested_in_another_way(continued, tmp_path):
+    experiment, run, _ = continued
+    lines = progress(run)
+    shutil.copytree(experiment.parent, tmp_path / "copy")
+    experiment, run = tmp_path / "copy" / experiment.name, tmp_path / "copy" / "results" / RUN
     more = ("--set", "budget.agent_steps=9000", "--set", "evaluation.episodes=1")
     assert finish(start(experiment, *more))[0] == 0
     longer = progress(run)
@@ -128,16 +134,13 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert sum(line["validation_completion"] != "" for line in longer) == 3
     facts = json.loads((run / "run.json").read_text())
     assert (facts["status"], facts["ended_by"], facts["tested"]["episodes"]) == ("finished", "agent_steps", 1)
-    assert len(read_table(run / "episodes.parquet")) == 2 * 2
-    code, _, err = finish(start(experiment))
-    assert code == 2
-    assert "another config: budget.agent_steps (9000, here 6000)" in err
+    assert len(read_table(run / "episodes.parquet")) == 2 * 3
 
 
 @pytest.fixture
-def training(experiment):
+def training(tmp_path):
     """A training that does not end by itself, after its second iteration, and its folder."""
-    run = experiment.parent / "results/tiny/ppo/loop/no_social_vehicles/seed_3"
+    experiment, run = experiment_in(tmp_path), tmp_path / "results" / RUN
     endless = ("--set", "scripted=[]", "--set", "budget.agent_steps=1000000")
     process = start(experiment, *endless, start_new_session=True)
     wait_for(lambda: (run / "progress.csv").exists() and len(progress(run)) >= 2, process)
@@ -178,17 +181,6 @@ def workers(driver):
     return found
 
 
-HELD_OUT = """
-algorithms: [ppo]
-tasks: [double_merge]
-traffic: [no_social_vehicles]
-seeds: [3]
-training: {sharing: all, rollout_fragment_length: 8}
-environment: {agents: 2}
-budget: {agent_steps: 1000000, minutes: 0.02}
-evaluation: {episodes: 2, held_out_episodes: 1, validations: 1, validation_episodes: 1}
-resources: {num_envs_per_env_runner: 2, parallel: 1}
-"""
 BY_TRAFFIC = {
     "no_social_vehicles": {"three_lanes"},
     "random_social_vehicles": {"dense", "sparse_impatient", "all_cross", "three_lanes"},
@@ -197,32 +189,19 @@ BY_TRAFFIC = {
 
 
 def test_what_is_held_out_differs_from_what_was_trained_on(tmp_path):
-    file = tmp_path / "held.yaml"
-    file.write_text(HELD_OUT)
-    for cell in task_settings_of(read_experiment(file, [f"traffic={[*BY_TRAFFIC]}"])):
+    for cell in task_settings_of(read_experiment(experiment_in(tmp_path), [f"traffic={[*BY_TRAFFIC]}"])):
         found = {name.removeprefix("double_merge@") for name in held_out_of(cell)}
         assert found == BY_TRAFFIC[cell.traffic]
 
 
-@pytest.fixture(scope="module")
-def held_out(tmp_path_factory):
-    """The folder of an experiment with held-out variations."""
-    folder = tmp_path_factory.mktemp("held")
-    (folder / "held.yaml").write_text(HELD_OUT)
-    code, _, err = finish(start(folder / "held.yaml"))
-    assert code == 0, err
-    return folder / "results" / "held"
-
-
-def test_generalization_compares_the_splits_of_a_task(held_out):
-    run = held_out / "ppo/double_merge/no_social_vehicles/seed_3"
-    assert json.loads((run / "run.json").read_text())["ended_by"] == "minutes"
+def test_generalization_compares_the_splits_of_a_task(continued):
+    _, run, _ = continued
     table = read_table(run / "episodes.parquet")
     held = table[table["split"] == "held_out"]
     trained = table[(table["split"] == "train") & (table["mode"] == "greedy")]
     assert held["variation"].tolist() == ["three_lanes"] * 2  # one episode of 2 agents
     assert set(held["mode"]) == {"greedy"}
-    assert len(trained) == 2 * 2
+    assert len(trained) == 3 * 2
     (found,) = compute(table[table["mode"] == "greedy"], metrics=["generalization"]).to_dict("records")
     assert found["worst"] == "double_merge@three_lanes"
     for split, rows in (("train", trained), ("held_out", held)):
@@ -230,9 +209,9 @@ def test_generalization_compares_the_splits_of_a_task(held_out):
         assert found["terms"][f"{split}_non_collision"] == 1 - (rows["outcome"] == "collision").mean()
 
 
-def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out, tmp_path):
+def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(continued, tmp_path):
     run = tmp_path / "seed_3"
-    shutil.copytree(held_out / "ppo/double_merge/no_social_vehicles/seed_3", run)
+    shutil.copytree(continued[1], run)
     damaged = run / "checkpoint" / "learner_group" / "learner" / "rl_module" / "shared" / "module_state.pkl"
     damaged.write_bytes(damaged.read_bytes()[:100])
     short = {"episodes": 1, "modes": ("greedy",)}
@@ -247,8 +226,8 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
         evaluate_checkpoint(run, **short, checkpoint="best")
 
 
-def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
-    run, out = held_out / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
+def test_recordings_are_those_that_were_asked_for(continued, tmp_path):
+    (_, run, _), out = continued, tmp_path / "again"
     code, printed, err = finish(begin("evaluate", str(run), "--episodes", "3", "--out", str(out)))
     assert code == 0, err
     assert "greedy: 6 agent-episodes of double_merge, no_social_vehicles" in printed
@@ -258,8 +237,8 @@ def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
         assert {int(RecordedEpisode(path).facts["world"]) - FIRST_TEST_EPISODE for path in kept} == {0, 1, 2}
 
 
-def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(held_out, tmp_path):
-    run, out = held_out / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
+def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(continued, tmp_path):
+    (_, run, _), out = continued, tmp_path / "again"
     playing = begin("evaluate", str(run), "--episodes", "10000", "--out", str(out))
     wait_for(lambda: any(out.glob(".partial-evaluation/episodes/*/*")), playing)
     playing.send_signal(signal.SIGTERM)  # as Ctrl-C, which may be ignored where the tests run

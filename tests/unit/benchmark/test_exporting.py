@@ -225,41 +225,6 @@ def test_a_changed_bit_of_an_exported_policy_is_refused(make, tmp_path):
     KitPolicy(of_an_earlier_version(exported))
 
 
-def test_damaged_weights_are_named(make, tmp_path):
-    _, folder = make("ppo", "{sharing: all, hidden: [8]}")
-    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
-    file = of_an_earlier_version(exported) / "policy.npz"
-    whole = file.read_bytes()
-    with np.load(file) as stored:
-        arrays = dict(stored)
-    first = next(name for name, array in arrays.items() if array.ndim == 2)
-    np.savez(file, **(arrays | {first: np.full_like(arrays[first], np.nan)}))
-    with pytest.raises(ExportError, match=f"the weights of {first.rpartition('/')[0]!r} are not finite"):
-        KitPolicy(file.parent, "agent-0")
-    file.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ExportError, match="the weights cannot be read"):
-        KitPolicy(file.parent, "agent-0")
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        {"agents": {"agent-0": {}}},
-        {"format": 1},
-    ],
-)
-def test_a_damaged_description_is_named(make, tmp_path, content):
-    _, folder = make("ppo", "{sharing: all}")
-    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
-    file = of_an_earlier_version(exported) / "policy.json"
-    whole = json.loads(file.read_text())
-    if "format" not in content:
-        content = {key: each for key, each in {**whole, **content}.items() if each is not None}
-    file.write_text(json.dumps(content))
-    with pytest.raises(ExportError, match=r"policy\.json"):
-        KitPolicy(file.parent)
-
-
 def test_an_export_that_fails_leaves_nothing(make, tmp_path, monkeypatch):
     _, folder = make("ppo", "{sharing: all}")
     (tmp_path / "file").write_text("")

@@ -12,7 +12,6 @@ from tests.measuring import value
 from tests.recordings import Drive, at_speed, episode_of, straight
 
 ROAD = straight(lanes=2)
-ENDED = [AgentStatus.ACTIVE] * 10 + [AgentStatus.DONE]
 
 
 def assert_same_metrics(one, other):

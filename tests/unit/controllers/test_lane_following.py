@@ -85,24 +85,6 @@ def test_the_opposite_command_aborts_a_change_in_its_first_half(rig):
     assert y[-1] == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_batch_equals_separate_runs(rig):
-    cars = [[agent(20.0, 0.0, speed=8.0), agent(60.0 + 5 * row, 3.2, speed=4.0 + row)] for row in range(3)]
-    graph = maps.straight(lanes=3, length=400.0)
-    together = rig(*cars, graph=graph)
-    alone = [rig(row, graph=graph) for row in cars]
-    for driven in (together, *alone):
-        for step in range(60):
-            if step % 20 == 5:
-                for agent_id in range(2):
-                    driven.act(9.0, 1.0 - agent_id, agent_id=agent_id)
-            driven.step()
-    for row in range(3):
-        for table in ("vehicles", "agents"):
-            for name, column in getattr(together.world, table)._asdict().items():
-                other = getattr(getattr(alone[row].world, table), name)
-                assert np.array_equal(column[row], other[0]), name
-
-
 class TestActionMask:
     def test_not_inside_junctions(self, rig):
         car = agent(0.0, -1.6, route=("west_in", "east_out"))

@@ -8,16 +8,17 @@ import pytest
 from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.dynamics.performance import performance
+from smarts.geometry.binding import bind
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from tests.maps import crossing
-from tests.worlds import Car, world_of
+from tests.worlds import Car, place_on_route, world_of
 
 NORTH = AgentMission(route=("south_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0))
 
 
 def driving(y, speed, *others):
-    """Return a world with a car on its way north, its row, its position on the lane, and its reference.
+    """Return a world with a car on its way north, the car's slot and place on its route, and its reference.
 
     The points of the reference are 1 m apart, from the middle of the car.
     """
@@ -25,28 +26,28 @@ def driving(y, speed, *others):
     points = np.zeros((30, 4))
     points[:, 0], points[:, 1] = 1.6, y + np.arange(30)
     points[:, 2], points[:, 3] = math.pi / 2, 10.0
-    routes, lane = made.routes.current.value, int(made.world.vehicles.lane[0, 0])
-    (row,) = (r for r in range(routes.start[routes.free], len(routes.lane)) if routes.lane[r] == lane)
-    return made, row, float(made.world.vehicles.lane_position[0, 0]), points
+    return made, *place_on_route(made), points
 
 
 def speeds(y, speed, other):
     """Return the speeds of a reference that right of way limits."""
-    made, row, place, points = driving(y, speed, other)
-    routes, abilities = made.routes.current.value, performance(made.atlas)
-    limit_by_right_of_way(made.world.state, made.atlas.roads, routes, abilities, 0, 0, row, place, points)
+    made, slot, row, place, points = driving(y, speed, other)
+    held = made.world.state, made.atlas.roads, made.routes.current, performance(made.atlas)
+    bind(limit_by_right_of_way, *held)(0, slot, row, place, points)
     return points[:, 3]
 
 
 def speeds_at_light(y, speed, towards, signal):
     """Return the speeds of a reference that lights limit; only the way to `towards` shows this one."""
-    made, row, place, points = driving(y, speed)
+    made, slot, row, place, points = driving(y, speed)
     graph = made.atlas.graphs[0]
     for lane in range(len(graph.lane_ids)):
         if graph.is_internal[lane]:
             leads_to = {graph.lane_ids[each].rpartition("_")[0] for each in graph.successors(lane)}
             made.world.signals[0, lane] = signal if towards in leads_to else Signal.GO
-    limit_by_lights(made.world.state, made.atlas.roads, made.routes.current.value, 0, 0, row, place, points)
+    bind(limit_by_lights, made.world.state, made.atlas.roads, made.routes.current)(
+        0, slot, row, place, points
+    )
     return points[:, 3]
 
 
@@ -85,7 +86,7 @@ def test_a_leader_on_a_path_that_leads_round_counts():
     )
     leader = Car(20.0 * math.sin(1.25), 20.0 - 20.0 * math.cos(1.25), 1.25)
     made = world_of([Car(0.0, 0.0, 0.0, 10.0, NORTH), leader], maps=[crossing()])
-    limit_by_leaders(made.world.state, 0, 0, points)
+    bind(limit_by_leaders, made.world.state)(0, 0, points)
     assert points[0, 3] == 10.0
     assert points[5, 3] == pytest.approx(
         math.sqrt(2.0 * 3.0 * (20.0 - 2.5 - 5.0 * 2.0 * math.pi / 3.0)), rel=0.01
@@ -106,7 +107,7 @@ def test_a_leader_on_a_small_roundabout_is_not_a_round_farther_on(radius):
         there = ahead / radius
         vehicles.position[0, 1] = radius * math.sin(there), radius - radius * math.cos(there)
         vehicles.heading[0, 1] = there
-        limit_by_leaders(made.world.state, 0, 0, points)
+        bind(limit_by_leaders, made.world.state)(0, 0, points)
         assert (points[stations > ahead, 3] == 0.0).all(), ahead
 
 
@@ -120,7 +121,7 @@ def test_a_leader_behind_a_u_turn_counts(radius, place):
     points = np.column_stack([x, y, heading, np.full(len(x), 8.0)])
     leader = Car(place, 2.0 * radius, math.pi)
     made = world_of([Car(0.0, 0.0, 0.0, 8.0, NORTH), leader], maps=[crossing()])
-    limit_by_leaders(made.world.state, 0, 0, points)
+    bind(limit_by_leaders, made.world.state)(0, 0, points)
     is_back = y == 2.0 * radius
     assert (points[: len(out) - 10, 3] == 8.0).all()
     assert (points[is_back & (x <= place), 3] == 0.0).all()

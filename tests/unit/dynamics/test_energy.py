@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smarts.dynamics import FLAT_TYRE, TYRE_MODELS, Fleet, vehicle
+from smarts.dynamics import FLAT_TYRE, TYRE_MODELS, Fleet
 from smarts.types.streams import Purpose, stream
 
 TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
@@ -61,19 +61,6 @@ def test_coasting_vehicles_gain_no_energy(model, tyres):
             # A NaN fails, too.
             assert (now - lowest <= GIVEN_BACK[model] * fleet._cars["mass"] + 1e-9 * begin).all()
             lowest = np.minimum(lowest, now)
-
-
-def test_energies_that_a_page_of_paper_gives():
-    record = vehicle("passenger")
-    with Fleet(1, 2) as fleet:
-        fleet.spawn(0, "passenger", (0.0, 0.0), 1.0, 8.0)
-        fleet.spawn(1, "passenger", (0.0, 9.0), 1.0, 8.0, steering=0.3, model="kinematic")
-        rate = 8.0 * np.tan(0.3) / record.wheelbase
-        aside = record.cog_to_rear_axle * rate
-        straight, turning = kinetic_energy(fleet)
-        assert straight == pytest.approx(0.5 * record.mass * 64.0)
-        expected = record.mass * (64.0 + aside**2) + record.inertia[2] * rate**2
-        assert turning == pytest.approx(0.5 * expected)
 
 
 def test_steering_leaves_the_energy_of_a_kinematic_vehicle_that_loses_none():

@@ -59,28 +59,6 @@ def test_seeds_and_episodes(closing):
     assert [start(seed=5), start(), start(seed=6) != first] == [first, second, True]
 
 
-def test_adapters_of_the_spec(closing):
-    adapters = {
-        "observation_adapter": lambda observation: observation.ego_vehicle_state.speed,
-        "action_adapter": lambda action: {"go": "keep_lane", "stop": "slow_down"}[action],
-        "reward_adapter": lambda observation, reward: (observation.ego_vehicle_state.speed, reward),
-        "info_adapter": lambda observation, reward, info: {"score": info["score"], "reward": reward},
-    }
-    env = closing(HiWayEnv(["loop"], specs("a", **adapters)))
-    observations, _ = env.reset()
-    total = 0.0
-    for _ in range(40):
-        observations, rewards, _, _, infos = env.step({"a": "go"})
-        speed, metres = rewards["a"]
-        assert observations["a"] == speed
-        total += metres
-        assert infos["a"]["reward"] == metres
-    assert infos["a"]["score"] > 10.0
-    for _ in range(80):
-        observations, *_ = env.step({"a": "stop"})
-    assert observations["a"] < 0.1
-
-
 def test_agents_with_different_interfaces_side_by_side(closing):
     mixed = {
         "lane": LANER,

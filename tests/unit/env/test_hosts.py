@@ -9,7 +9,6 @@ from itertools import pairwise
 import pytest
 
 from smarts.agents.hosting.options import HostError, HostOptions
-from smarts.agents.options import InterfaceError
 from tests.hosting import (
     DRAWING,
     MISBEHAVING,
@@ -107,20 +106,6 @@ def test_delayed_actions_are_those_of_earlier_steps(where):
             assert env._runner.actions.age[0, column] == steps_late
     # The draws depend on seed and step alone.
     assert records[delay][delay:] == records[0][:-delay]
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"idm-v0": "elsewhere"},
-        {"idm-v0": {"patiense": 3}},
-        {"mobil-v0": "process"},
-    ],
-)
-def test_hosts_that_cannot_be_are_errors_before_the_first_step(given):
-    with pytest.raises(InterfaceError) as raised:
-        environment([{"agent": "idm-v0"}], given)
-    assert "hosts" in raised.value.place
 
 
 def test_an_agent_of_objects_acts_in_this_process_alone():

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from smarts.env.vector import VectorHiWayEnv
-from smarts.errors import ActionError
 from smarts.types.actions import LaneAction
 from smarts.types.events import Outcome
-from tests.raising import raises
 
 KEEP, SLOW, LEFT, RIGHT = LaneAction
 
@@ -25,42 +23,7 @@ def new_env():
         env.close()
 
 
-def actions_of(world, decision, agents=4):
-    """Return actions that depend on world, decision and agent only."""
-    draws = np.random.Generator(np.random.PCG64(world * 1000 + decision))
-    return draws.choice([KEEP, SLOW, LEFT, RIGHT], size=agents)
-
-
-def play(env, worlds, decisions, episode=0):
-    """Return for each world the observations, rewards and ends of some decisions, auto-resets included."""
-    now = env.reset(7, np.array(worlds), episode=episode)
-    seen = [[now.observations[0][""][row].tobytes()] for row in range(len(worlds))]
-    for decision in range(decisions):
-        now = env.step([np.array([actions_of(world, decision) for world in worlds])])
-        for row in range(len(worlds)):
-            parts = (
-                now.observations[0][""],
-                now.rewards,
-                now.terminated,
-                now.truncated,
-                now.alive,
-                now.masks[0],
-            )
-            seen[row].append(b"".join(part[row].tobytes() for part in parts))
-    return seen
-
-
 SCENARIOS = ["intersection", "double_merge"]
-
-
-def test_rows_of_a_batch_equal_runs_of_their_own(new_env):
-    env = new_env(3, SCENARIOS)
-    together = play(env, [0, 1, 2], 0)
-    assert {start.scenario for start in env.episodes} == set(SCENARIOS), "they are not side by side"
-    together = play(env, [0, 1, 2], 60)
-    alone = new_env(1, SCENARIOS)
-    for world in (0, 1, 2):
-        assert play(alone, [world], 60)[0] == together[world]
 
 
 def test_an_episode_does_not_depend_on_those_before(new_env):
@@ -114,15 +77,6 @@ def test_final_observations_of_those_who_were_reset(new_env):
     ended = (now.terminated | now.truncated)[row]
     assert now.final.observations[0][""][0, ended].any(axis=1).all()
     assert now.alive[row].all()
-
-
-def test_actions_out_of_range_are_refused_by_name(new_env):
-    env = new_env(1, ["two_way"], 2)
-    env.reset()
-    for value in (4, -1):
-        with raises(ActionError, "action of 'agent-1'", values=[value]):
-            env.step([np.array([[0, value]])])
-    env.step([np.array([[0, 0]])])
 
 
 def test_stride_deals_out_a_list_of_worlds(new_env):

@@ -56,21 +56,6 @@ def test_every_row_is_there_to_the_centimetre(recorded):
     np.testing.assert_array_equal(motion.flags[found] & OWNER_BITS, rows["owner"][order])
 
 
-@pytest.mark.parametrize("name", ["intersection", "bubbles"])
-def test_a_file_that_is_cut_plays_up_to_the_cut(name):
-    data = (FOLDER / f"{name}.smarts").read_bytes()
-    whole = CompactEpisode(data)
-    last = -1
-    for cut in np.linspace(4000, len(data), 60).astype(int).tolist():
-        part = CompactEpisode(data[:cut])
-        rows = len(part.motion.step)
-        np.testing.assert_array_equal(part.motion.x, whole.motion.x[:rows])
-        assert rows >= last
-        last = rows
-    assert last == len(whole.motion.step)
-    assert part.is_whole
-
-
 def test_a_part_of_an_episode_has_what_lasts_from_before(recorded):
     episode = CompactEpisode(compact_episode(recorded, 10.0, 15.0))
     assert (episode.motion.step.min(), episode.motion.step.max()) == (100, 150)

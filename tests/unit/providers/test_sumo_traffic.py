@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from smarts.errors import TrafficError
-from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
+from smarts.providers.sumo_traffic import sumo_options
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner, VehicleKind
-from smarts.types.world import World as State
 from tests.raising import raises
 
 from .conftest import BUSY_ROAD
@@ -179,9 +178,3 @@ def test_a_failure_in_mid_run_is_one_named_error(new_world, country):
         world.step(4000)
     neighbour.step(100)
     assert digest(world, country.road(), 4, 100) == digest(neighbour, country.road(), 4, 100)
-
-
-def test_a_step_is_a_whole_number_of_milliseconds():
-    state = State(worlds=1, capacity=1, agents=0, lanes=1, dt=1 / 60)
-    with raises(TrafficError, "dt"):
-        SumoTraffic(state, 0)

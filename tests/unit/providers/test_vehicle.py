@@ -134,24 +134,6 @@ class TestHandOver:
         assert driven.vehicles.can_accept(np.zeros(1, np.int32), np.zeros(1, np.int32)).tolist() == [refusal]
 
 
-@pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
-def test_a_batch_equals_separate_runs(stage, model):
-    cars = [[ego(y=0.4 * row, speed=8.0 + row), Car(32.0 + 3 * row, 0.0, speed=3.0)] for row in range(3)]
-    together = stage(*cars, model=model)
-    alone = [stage(row, model=model) for row in cars]
-    for step in range(25):
-        rows = np.array([True, step % 3 != 1, step % 4 != 2])
-        for row in range(3):
-            together.actuate(0.4, 0.0, 0.02 * row - 0.01 * (step % 5), row=row)
-            alone[row].actuate(0.4, 0.0, 0.02 * row - 0.01 * (step % 5))
-            if rows[row]:
-                alone[row].step()
-        together.step(rows=rows)
-    for row in range(3):
-        for name, column in together.world.vehicles._asdict().items():
-            assert np.array_equal(column[row], getattr(alone[row].world.vehicles, name)[0]), name
-
-
 def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
     driven = stage([ego(speed=10.0), Car(60.0, 0.0, speed=0.0), Car(60.0, 3.2)])
     vehicles = driven.world.vehicles

@@ -192,13 +192,6 @@ def test_neighbours_and_steering_are_weighed():
     assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.01 * (5 - 1.5) / 8 + hard, rel=1e-5)
 
 
-def test_unknown_names_are_refused():
-    with raises(ScenarioError, "rewards.yaml", values=["benchmrk", "'benchmark'"]):
-        reward_weights("benchmrk")
-    with raises(ScenarioError, "benchmark", values=["colision", "'collision'"]):
-        reward_weights(colision=1.0)
-
-
 def test_the_discount_may_be_the_learners():
     one = Drive(reward_weights(time=0.0))
     one.rewards = Rewards(one.served, reward_weights(time=0.0), discount=0.9)

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from smarts.errors import MapError
-from smarts.roads.lane_graph import LaneKind
 from smarts.roads.sumo_net import read_net
-from tests.raising import raises
 from tests.road_queries import RoadQueries
 
 from . import maps
@@ -19,11 +16,6 @@ def atlas(graphs):
 
 def zeros(*shape):
     return np.zeros(shape, np.int32)
-
-
-def test_a_route_on_a_road_closed_to_its_lanes_users(atlas):
-    with raises(MapError, values=["west_in", "RAIL"]):
-        atlas.route_table([(0, ("west_in",))], frozenset({LaneKind.RAIL}))
 
 
 def test_drawn_metres_where_sumo_counts_others(compile_to):

@@ -134,14 +134,6 @@ def test_broken_sources(tmp_path, files, message):
     assert error.remedy
 
 
-def test_broken_options(tmp_path):
-    error = error_of(maps.write(tmp_path, netccfg="<configuration", **maps.cross()))
-    assert error.place.endswith("map.netccfg")
-    bad = '<configuration><no-such-option value="1"/></configuration>'
-    error = error_of(maps.write(tmp_path, netccfg=bad, **maps.cross()))
-    assert "no-such-option" in error.problem
-
-
 KEPT = '<offset.disable-normalization value="true"/></configuration>'
 
 
@@ -244,12 +236,3 @@ def test_left_hand_traffic_in_opendrive(tmp_path):
     error = error_of(opendrive(tmp_path, ('junction="-1"', 'junction="-1" rule="LHT"')))
     assert "to the left" in error.problem
     assert "road '1'" in error.place
-
-
-def test_an_existing_output_survives_a_failure(tmp_path):
-    out, _ = compiled(maps.write(tmp_path, **maps.cross()))
-    before = out.read_bytes()
-    (tmp_path / "map.edg.xml").write_text("<edges")
-    with pytest.raises(MapError):
-        compiled(tmp_path)
-    assert out.read_bytes() == before

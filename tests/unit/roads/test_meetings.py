@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from smarts.dynamics.performance import performance
-from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import Road, graph_of
+from tests.unit.roads.test_right_of_way import gap_of
 from tests.worlds import Car, world_of
 
 LINE = -20.0
@@ -52,14 +51,7 @@ def wait_for_one_at_the_second(between, front, length=5.0, speed=5.0, away=30.0,
     )
     own = Car(front - 0.5 * length, 0.0, 0.0, speed, mission, length=length)
     other = Car(LINE + 15.0 + between, away, -0.5 * math.pi, 8.0)
-    made = world_of([own, other], maps=[graph])
-    routes, vehicles = made.routes.current.value, made.world.vehicles
-    first = routes.start[routes.free]
-    (row,) = (r for r in range(first, len(routes.lane)) if routes.lane[r] == vehicles.lane[0, 0])
-    place, able = float(vehicles.lane_position[0, 0]), performance(made.atlas)
-    if pace is not None:
-        able = able._replace(pace=np.full_like(able.pace, pace))
-    return gap_to_wait(made.world.state, made.atlas.roads, routes, able, 0, 0, row, place)
+    return gap_of(world_of([own, other], maps=[graph]), pace=pace)
 
 
 @pytest.mark.parametrize(("between", "length"), [(2.0, 5.0), (9.0, 12.0)])

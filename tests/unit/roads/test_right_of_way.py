@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.dynamics.performance import performance
+from smarts.geometry.binding import bind
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.surroundings import OWN_VEHICLE, Own
 from smarts.roads.precedence import is_in_the_way
@@ -14,7 +15,7 @@ from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from tests.maps import crossing
 from tests.unit.observations.test_features import context_of
-from tests.worlds import Car, world_of
+from tests.worlds import Car, place_on_route, world_of
 
 ARMS = ("west", "south", "east", "north")
 TURNS = [(a, b) for a in ARMS for b in ARMS if a != b]
@@ -37,16 +38,14 @@ TO_THE_WEST = AgentMission(route=("south_in", "west_out"), goal=GoalKind.POSITIO
 TO_THE_EAST = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
 
 
-def gap_of(made, agent=0, margins=1.0):
-    """Return what the kernel finds for an agent."""
-    state, roads, routes = made.world.state, made.atlas.roads, made.routes.current.value
-    slot = made.world.agents.slot[0, agent]
-    lane = made.world.vehicles.lane[0, slot]
-    route = routes.free + routes.number[0, agent]
-    rows = range(routes.start[route], routes.start[route + 1])
-    (row,) = [row for row in rows if routes.lane[row] == lane]
-    place, able = made.world.vehicles.lane_position[0, slot], performance(made.atlas)
-    return gap_to_wait(state, roads, routes, able, 0, slot, row, place, margins)
+def gap_of(made, agent=0, margins=1.0, pace=None):
+    """Return what the kernel finds for an agent; `pace` is that of all lanes [m/s]."""
+    state, roads, routes = made.world.state, made.atlas.roads, made.routes.current
+    slot, row, place = place_on_route(made, agent)
+    able = performance(made.atlas)
+    if pace is not None:
+        able = able._replace(pace=np.full_like(able.pace, pace))
+    return bind(gap_to_wait, state, roads, routes, able)(0, slot, row, place, margins)
 
 
 def wait_for(
@@ -197,7 +196,7 @@ def test_a_vehicle_that_stands_is_in_the_way_of_a_footprint_that_would_touch_it(
     )
     rows = range(int(roads.conflict_start[own]), int(roads.conflict_start[own + 1]))
     (place,) = [row for row in rows if roads.conflict_lane[row] == its]
-    assert is_in_the_way(made.world.state, roads, 0, 0, 1, place, own) == is_there
+    assert bind(is_in_the_way, made.world.state, roads)(0, 0, 1, place, own) == is_there
 
 
 @pytest.mark.parametrize(

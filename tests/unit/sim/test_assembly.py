@@ -5,16 +5,14 @@ import pytest
 
 from smarts.agents import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
-from smarts.errors import SmartsError, TrafficError
-from smarts.sim.assembly import Options, assemble
+from smarts.errors import TrafficError
+from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
-from tests.raising import raises
-from tests.unit.sim.hashed_run import HashedRun
 
 EGOS = 2
 
@@ -33,44 +31,6 @@ def interface(model="kinematic", **changes):
         vehicle_model=model,
         done_criteria=DoneCriteria(**changes),
     )
-
-
-class LaneRun(HashedRun):
-    """Egos that choose lane actions by world, agent and step."""
-
-    def act(self, actions, row):
-        step = int(self.world.step[row])
-        actions.given[row] = step > 0
-        actions.fresh[row] = step % 5 == 1
-        if step % 5 == 1:
-            actions.action_mask[row] = self.world.agents.action_mask[row]
-            chosen = [(step // 10 + self.worlds[row] + agent_id) % 4 for agent_id in range(EGOS)]
-            actions.values[row, :, 0] = chosen
-
-
-def digests(scenarios, worlds, model, steps):
-    """Return the hashes of so many steps of each world, and its episodes; in a batch they rest in turn."""
-    parts = assemble(scenarios, [interface(model)] * EGOS, worlds=len(worlds))
-    run, number, made = LaneRun(parts, worlds), 0, np.zeros(len(worlds), int)
-    while (made < steps).any():
-        rests = number // 10 % (len(worlds) + 1)
-        rows = (made < steps) & (np.arange(len(worlds)) != rests)
-        run.step(rows)
-        made, number = made + rows, number + 1
-    return run.digests(), run.episodes
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "steps"), [("bullet", 100), pytest.param("kinematic", 300, marks=pytest.mark.nightly)]
-)
-def test_a_row_of_a_batch_equals_the_same_run_alone(scenarios, model, steps):
-    together, episodes = digests(scenarios, [0, 1, 2, 5], model, steps)
-    assert min(episodes) > 1
-    for place, world in ((2, 2), (3, 5)):
-        alone, _ = digests(scenarios, [world], model, steps)
-        assert alone[0] == together[place]
-    assert len(set(together)) == 4
 
 
 class Failing:
@@ -105,11 +65,6 @@ def three(scenarios):
 def stepped(parts, rows):
     mask = np.isin(np.arange(3), rows)
     return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
-
-
-def test_steps_that_are_too_long_are_refused():
-    with raises(SmartsError, "Options.dt", values=[0.25]):
-        Options(dt=0.25)
 
 
 def test_a_vehicle_that_fails_ends_its_own_episode_only(three):

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from smarts.agents.interface import AgentInterface
-from smarts.errors import RecordError
 from smarts.sim.assembly import assemble
 from smarts.sim.episode_files import PARTIAL, EpisodeStore, RecordedEpisode, arrow_schema, episodes_in
 from smarts.sim.recorder import EpisodeRecorder
@@ -19,9 +18,8 @@ from smarts.sim.recorder_kernel import NEAR
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode_schema import TABLE, TABLES, VERSION
+from smarts.types.episode_schema import TABLE, TABLES
 from smarts.types.events import Outcome
-from tests.raising import raises
 
 WORLDS, EGOS, PERIOD, LIMIT = 2, 4, 5, 60
 KEEP = 150
@@ -324,16 +322,6 @@ def test_the_store_holds_whole_episodes_and_nothing_else(recorded):
 
 def empty(table):
     return {name: [] for name in TABLE[table].names}
-
-
-def test_another_format_is_refused(tmp_path):
-    writer = EpisodeStore(tmp_path).begin("one")
-    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic", "traffic_engine")}
-    writer.append("episode", {name: [0] for name in TABLE["episode"].names} | texts)
-    with raises(RecordError, tmp_path / "one", values=["format 0", VERSION]):
-        RecordedEpisode(writer.finish())
-    with raises(RecordError, tmp_path, values=["'episode'"]):
-        RecordedEpisode(tmp_path)
 
 
 KILLED = """

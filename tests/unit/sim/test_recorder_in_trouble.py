@@ -3,11 +3,9 @@
 import errno
 import os
 import resource
-import signal
 import subprocess
 import sys
 import textwrap
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,7 +15,7 @@ import pytest
 from smarts.agents import ActionSpaceType, AgentInterface
 from smarts.errors import RecordError
 from smarts.sim.assembly import Options, assemble
-from smarts.sim.episode_files import PARTIAL, EpisodeStore, RecordedEpisode, episodes_in
+from smarts.sim.episode_files import PARTIAL, RecordedEpisode, episodes_in
 from smarts.sstudio.build import build_scenario
 from smarts.types.episode_schema import TABLES
 from tests.raising import raises
@@ -141,19 +139,6 @@ def test_two_processes_write_episodes_of_one_name_into_one_folder(tmp_path):
     assert len(episodes_in(tmp_path)) == 40
     for folder in episodes_in(tmp_path):
         assert {file.stem for file in folder.iterdir()} == WRITTEN_WITHOUT_ROWS
-    assert list(tmp_path.glob(".*")) == []
-
-
-@pytest.mark.slow
-def test_killed_at_any_moment_of_writing(tmp_path):
-    for wait in (0.0, 0.02, 0.05, 0.1):
-        process = writing(tmp_path, 10**9)
-        time.sleep(wait)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    for folder in episodes_in(tmp_path):
-        assert {file.stem for file in folder.iterdir()} == WRITTEN_WITHOUT_ROWS
-    EpisodeStore(tmp_path)
     assert list(tmp_path.glob(".*")) == []
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import importlib
-import os
 import subprocess
 import sys
 
@@ -155,25 +154,6 @@ class TestIdentity:
             assert hash(one) == hash(other)
         for one, other in zip(make(1), make(2), strict=True):
             assert one != other
-
-    def test_ids_do_not_depend_on_the_process(self):
-        program = (
-            "from smarts.sstudio import types as t\n"
-            "car = t.TrafficActor('car'); route = t.Route(('a', 0, 1), ('b', 0, 2))\n"
-            "flow = t.Flow(route, 10, actors={car: 1, t.TrafficActor('van'): 2})\n"
-            "print(car.id, route.id, flow.id, hash(car), hash(flow))"
-        )
-        outputs = {
-            subprocess.run(
-                [sys.executable, "-c", program],
-                env=os.environ | {"PYTHONHASHSEED": seed},
-                capture_output=True,
-                text=True,
-                check=True,
-            ).stdout
-            for seed in ("1", "2")
-        }
-        assert len(outputs) == 1
 
 
 def test_a_trip_has_a_driver_of_its_own_name():

@@ -12,7 +12,6 @@ from smarts.controllers.tracking import SPEED_GAIN
 from smarts.dynamics import vehicle
 from smarts.dynamics.performance import Abilities
 from smarts.env.vector import VectorHiWayEnv
-from smarts.errors import SmartsError
 from smarts.observations.lane_ways import BEHIND, LANE_WAYS, POINTS
 from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import Lane, Own
@@ -72,12 +71,6 @@ def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_spe
     assert actions.shape == (2, 4, PATH_POINTS)
     assert SPEED_GAIN * (actions[0, 3, :20] - paths[0, :20, 4]) == pytest.approx(1.2)
     assert actions[1, 3, :21] == pytest.approx(paths[1, :, 4]), "for braking it looks ahead"
-
-
-def test_a_planner_that_cannot_turn_round_is_refused():
-    with pytest.raises(SmartsError) as error:
-        make_agent("u-turn-v0", planner="sumo")
-    assert "bezier" in error.value.remedy
 
 
 @pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from rigs import Rig
 
-import algorithms
-from algorithms.errors import CheckpointError
 from algorithms.joint.replay import JointReplay
-from algorithms.joint.signature import check_signature
 from tests.games.games import Ragged
 
 
@@ -33,9 +30,3 @@ def test_a_replay_buffer_restored_into_another_capacity_holds_the_newest_in_orde
     other.add(rollouts[3])
     new = np.concatenate([kept, rollouts[3].rewards[rollouts[3].views.alive[:-1].any(-1)]])
     np.testing.assert_array_equal(stored(other), new[-capacity:])
-
-
-def test_a_baseline_tells_checkpoints_apart():
-    there, here = (algorithms.config("pg").training(baseline=b).checkpoint_signature() for b in (True, False))
-    with pytest.raises(CheckpointError, match="baseline: True there, False here"):
-        check_signature(there, here)
