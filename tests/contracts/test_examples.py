@@ -18,7 +18,7 @@ SHOWN = {
     if block.expected and block.is_example
 }
 """The output of examples that the pages show."""
-SHORT = ("single_agent", "many_simulations", "own_observation")
+SHORT = ("single_agent", "own_observation")
 """The examples of `make test`; the others run in `make nightly`."""
 LONGEST = 60
 """Maximum number of lines of an example."""

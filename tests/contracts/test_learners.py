@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ray.tune import register_env
 
 import algorithms
 from algorithms.joint.conformance import check_vector_env
@@ -62,12 +61,6 @@ def assert_learnt(result, before, after):
     leaves = [(x, after[module][leaf]) for module, net in before.items() for leaf, x in net.items()]
     assert all(np.isfinite(new).all() for _, new in leaves)
     assert any((old != new).any() for old, new in leaves)
-
-
-@pytest.mark.slow
-def test_ppo_trains_on_the_intersection():
-    register_env("crossing", lambda config: VectorHiWayEnv(config["num_envs"], ["intersection"], agents=4))
-    assert_learnt(*trained("crossing"))
 
 
 @pytest.mark.slow

@@ -88,7 +88,12 @@ def files_below(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("api", "end"),
-    [*(("vector", end) for end in ENDS), ("rllib", "kill")],
+    [
+        ("vector", "close"),
+        ("vector", "kill"),
+        pytest.param("vector", "exception", marks=pytest.mark.nightly),
+        pytest.param("rllib", "kill", marks=pytest.mark.nightly),
+    ],
 )
 def test_only_complete_episodes_are_left(tmp_path, api, end):
     build_scenario("two_way")  # beforehand, so that its files are not counted

@@ -41,6 +41,7 @@ def test_the_page_is_one_small_file():
 
 @needs_node
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_sources_build_the_same_bytes(checkout: Path):
     run("npm", "run", "--silent", "build", cwd=checkout)
     assert (checkout / "dist/index.html").read_bytes() == VIEWER.read_bytes()

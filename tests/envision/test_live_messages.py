@@ -20,6 +20,7 @@ def play(connection, steps, serial, pause=0.02):
         time.sleep(pause)
 
 
+@pytest.mark.nightly
 def test_a_simulation_that_dies_is_said_to_have_ended(open_page):
     gone = "the simulation's process has gone"
     with serving(page="", live=True) as server:

@@ -61,6 +61,7 @@ def test_it_plays_stops_and_steps(open_page):
     assert (picture(page) != before).any()
 
 
+@pytest.mark.nightly
 def test_the_panel_follows_the_chosen_agent(open_page):
     page = open_page(episode("intersection"), fragment="#t=3")
     page.get_by_role("option", name="agent-2").click()
@@ -72,6 +73,7 @@ def test_the_panel_follows_the_chosen_agent(open_page):
     expect(page.locator(".panel h2")).to_have_text("agent-3")
 
 
+@pytest.mark.nightly
 def test_a_link_and_a_reload_restore_the_view(open_page):
     page = open_page(episode("bubbles"), fragment="#e=0&t=12.4&speed=2&cam=free&agent=agent-0")
     page.wait_for_function("location.hash.includes('at=')")  # the camera has found what there is to see
@@ -110,6 +112,7 @@ def test_the_list_sorts_by_outcome_and_filters(open_page):
     expect(page.locator(".list")).not_to_be_visible()
 
 
+@pytest.mark.nightly
 def test_a_phone_shows_everything_without_scrolling(open_page):
     page = open_page(episode("bubbles"), fragment="#t=6", size=PHONE)
     width = page.evaluate("document.documentElement.scrollWidth")
@@ -148,6 +151,7 @@ def test_texts_of_an_episode_stay_texts(open_page):
     assert page.title().startswith(HOSTILE[:10])
 
 
+@pytest.mark.nightly
 def test_a_cut_episode_plays_up_to_the_cut(open_page):
     data = episode("intersection")
     page = open_page(data[: len(data) * 3 // 4], fragment="#t=1")

@@ -1,7 +1,5 @@
 """Results that something happened to: what is lost is named, and never counts as nought or as done."""
 
-import shutil
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -75,14 +73,6 @@ def test_a_table_that_is_damaged_is_named_and_one_that_is_lost_is_made_again(tmp
     assert not folder.is_finished(TESTED)
 
 
-def test_the_table_of_another_seed_is_not_counted_twice(tmp_path):
-    folder = finished(tmp_path)
-    shutil.copytree(folder.path, folder.path.with_name("seed_2"))
-    results = read_results(tmp_path)
-    assert [run.seed for run in results.finished] == [1]
-    assert "of another run" in results.problems[f"{PLACE.replace('1', '2')}/episodes.parquet"]
-
-
 def test_a_scripted_policy_needs_no_checkpoint_to_be_tested_again(tmp_path):
     folder = RunFolder(write_run(tmp_path, "parked", [agent_episodes(CRASHES, mode="scripted")], seed=-1))
     folder.note(status=FINISHED, tested=TESTED)
@@ -147,13 +137,3 @@ def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):
     assert "run.json" in results.problems[f"a2c/{place}/seed_1"]
     assert [run.algorithm for run in results.finished] == ["ppo"]
     assert [run.status for run in results.runs if run.algorithm == "dqn"] == [UNREADABLE, NOT_BEGUN]
-
-
-def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
-    write_run(tmp_path, "ppo", [table_of()])
-    assert "missing" in read_results(tmp_path).problems["command.json"]
-    write_experiment(tmp_path, algorithms=["pppo"])
-    results = read_results(tmp_path)
-    assert "did you mean 'ppo'" in results.problems["command.json, part 1"]
-    assert results.commands == ("smarts-bench run hand.yaml",)
-    assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]

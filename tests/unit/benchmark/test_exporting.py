@@ -116,9 +116,9 @@ def batch_of(leaves, mask, env_id, step, is_first):
     ("name", "settings", "more"),
     [
         ("ppo", "{gru: 8, set_width: 8}", SETS),
-        ("dqn", "{sharing: all}", ""),
         ("maddpg", "{}", ", action: Continuous"),
         *rest_of_the_family(
+            ("dqn", "{sharing: all}", ""),
             ("ppo", "{}", ""),
             ("ppo", "{}", ", action: Continuous"),
             ("maac", "{}", ""),
@@ -157,8 +157,8 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
     ("name", "settings", "more"),
     [
         ("commnet", "{}", ""),
-        ("ppo", "{sharing: {one: [agent-0, agent-2], two: [agent-1, agent-3]}}", ""),
         *rest_of_the_family(
+            ("ppo", "{sharing: {one: [agent-0, agent-2], two: [agent-1, agent-3]}}", ""),
             ("commnet", "{sharing: all, set_width: 8}", SETS),
             ("networked_q", "{}", ""),
             ("ppo", "{sharing: all, gru: 8}", ""),

@@ -244,17 +244,6 @@ def test_ranks_and_ties(tmp_path):
     assert pairs["dqn", "maac"] == ""
 
 
-def test_who_trained_for_other_agent_steps_shows_them_and_has_no_rank(tmp_path):
-    write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"])
-    for name, steps in (("dqn", 1000), ("ppo", 1060), ("maac", 1009)):
-        table = agent_episodes(PERFECT, mode="greedy")
-        write_run(tmp_path, name, [table], progress=[[1, steps, 10.0, 100, *[""] * 6]])
-    cells = {row.algorithm: row.cells[0] for row in report_of(tmp_path).main_table("greedy")}
-    assert {name: cell.rank for name, cell in cells.items()} == {"dqn": 1, "ppo": None, "maac": 1}
-    assert "1,060 agent-steps, so without a rank" in count(cells["ppo"])
-    assert "agent-steps" not in count(cells["dqn"])
-
-
 @pytest.mark.parametrize(
     ("steps", "others"),
     [

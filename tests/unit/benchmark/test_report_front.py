@@ -120,13 +120,6 @@ def test_the_next_commands_train_on_with_the_budget_that_ended_the_training(tmp_
     ]
 
 
-def test_no_command_gives_a_budget_that_the_task_overrides(tmp_path):
-    write_experiment(tmp_path, by_task={"intersection": {"budget": {"agent_steps": 9000}}})
-    trained(tmp_path, lines(0.1, 0.2, 0.3), budget={"agent_steps": 9000, "minutes": None})
-    assert lead(tmp_path).endswith("It was still improving: train longer.")
-    assert not any("budget" in command for command in texts(tmp_path, "<code>", "</code>"))
-
-
 def test_the_trend_is_said_of_the_algorithm_that_has_it_and_of_finished_runs(tmp_path):
     write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"])
     trained(tmp_path, lines(0.7, 0.8), outcomes=[["goal", "goal"], ["goal", "collision"]] * 5)
@@ -162,15 +155,3 @@ def test_an_episode_that_cannot_be_shown_is_left_out_alone(tmp_path, monkeypatch
 def test_a_line_has_a_gap_where_a_value_is_not_known():
     places = np.array([[0.0, 1.0], [2.0, math.nan], [4.0, 5.0], [6.0, 7.0]])
     assert drawing.path(places, 0) == "M0 1M4 5L6 7"
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "expected"),
-    [
-        (0.0, 1.0, [0.0, 0.5, 1.0]),
-        (0.0, 300_000.0, [0.0, 100_000.0, 200_000.0, 300_000.0]),
-        (-1.3, 4.2, [0.0, 2.0, 4.0]),
-    ],
-)
-def test_ticks_are_round(low, high, expected):
-    assert drawing.ticks(low, high) == pytest.approx(expected)

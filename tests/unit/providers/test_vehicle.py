@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.controllers import tracking
-from smarts.dynamics import Fleet, MotionError, vehicle
+from smarts.dynamics import Fleet, vehicle
 from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.sstudio import types as t
 from smarts.types.actions import KINKED, CommandMode
@@ -195,19 +195,3 @@ class TestFriction:
         driven = stage([ego(speed=20.0)], surfaces=RoadSurfaces([[left]], [graph]))
         driven.step()
         assert driven.vehicles.fleet.road.friction[0].tolist() == [0.3, 0.9, 0.3, 0.9]
-
-
-def test_a_non_finite_motion_fails_only_its_simulation(stage):
-    driven = stage([ego()], [ego()])
-    driven.step()
-    driven.vehicles.fleet.road.friction[0] = math.nan
-    before = driven.world.vehicles.position.copy()
-    driven.step()
-    assert list(driven.vehicles.failures) == [0]
-    assert isinstance(driven.vehicles.failures[0], MotionError)
-    moved = driven.world.vehicles.position - before
-    assert not moved[0].any()
-    assert moved[1, 0, 0] > 0.1
-    driven.vehicles.reset(np.array([True, False]))
-    driven.step()
-    assert not driven.vehicles.failures

@@ -1,11 +1,10 @@
-"""Whole simulations: a row of a batch equals the same run alone, failures stay with their row."""
+"""Whole simulations: rows that are not stepped stay as they are, failures stay with their row."""
 
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
-from smarts.errors import TrafficError
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
@@ -33,27 +32,6 @@ def interface(model="kinematic", **changes):
     )
 
 
-class Failing:
-    """A traffic engine that breaks at a given step of its first episode."""
-
-    def __init__(self, engine, at):
-        self._engine, self._left = engine, at
-        self.closed = False
-
-    def __getattr__(self, name):
-        return getattr(self._engine, name)
-
-    def step(self):
-        self._left -= 1
-        if self._left == 0:
-            raise TrafficError("SUMO failed in mid-run", place="here")
-        self._engine.step()
-
-    def close(self):
-        self.closed = True
-        self._engine.close()
-
-
 @pytest.fixture
 def three(scenarios):
     parts = assemble(scenarios[:1], [interface()] * EGOS, worlds=3)
@@ -65,6 +43,22 @@ def three(scenarios):
 def stepped(parts, rows):
     mask = np.isin(np.arange(3), rows)
     return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
+
+
+def test_a_row_that_is_not_stepped_stays_as_it_is(three):
+    world = three.simulation.world
+
+    def state():
+        tables = world.vehicles, world.before, world.agents, world.missions, world.guidance
+        return [column[1].tobytes() for table in tables for column in table]
+
+    stepped(three, [0, 1, 2])
+    before, others = state(), world.vehicles.position[[0, 2]].copy()
+    for _ in range(20):
+        stepped(three, [0, 2])
+    assert state() == before
+    assert (world.vehicles.position[[0, 2]] != others).any(axis=(1, 2)).all()
+    assert world.step.tolist() == [21, 1, 21]
 
 
 def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
@@ -84,30 +78,6 @@ def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
     for _ in range(3):
         assert not stepped(three, [0, 1, 2]).failures
     assert np.isfinite(world.vehicles.position).all()
-
-
-def test_traffic_that_fails_ends_its_own_episode_only(three):
-    traffic, world = three.simulation._stages.traffic, three.simulation.world
-    broken = traffic._simulations[1] = Failing(traffic._simulations[1], at=3)
-    for _ in range(2):
-        assert not stepped(three, [0, 1, 2]).failures
-    frame = stepped(three, [0, 1, 2])
-    assert [*frame.failures] == [1]
-    assert "SUMO failed in mid-run" in str(frame.failures[1])
-    assert frame.env_mask.tolist() == [True, False, True]
-    assert frame.events.finished.tolist() == [False, True, False]
-    assert frame.events.truncated.tolist() == [[False] * 2, [True] * 2, [False] * 2]
-    assert (world.agents.outcome[1] == Outcome.INVALID).all()
-    assert (world.agents.state[1] == AgentStatus.DONE).all()
-    assert (world.agents.state[[0, 2]] == AgentStatus.ACTIVE).all()
-    frame = stepped(three, [0, 2])
-    assert not frame.failures
-    three.simulation.reset({1: three.schedule.start(1, 1)})
-    assert broken.closed
-    assert traffic._simulations[1] is not broken
-    for _ in range(5):
-        assert not stepped(three, [0, 1, 2]).failures
-    assert world.step.tolist() == [9, 5, 9]
 
 
 def test_traffic_is_told_of_egos_before_the_first_step(three):

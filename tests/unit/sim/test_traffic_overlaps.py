@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smarts.geometry.binding import bind
 from smarts.sim.traffic_overlaps import count_overlaps
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
@@ -22,7 +23,7 @@ def world():
 
 def count(world, *rows):
     """Make a step: count, and let what is now be what was; return the counts so far."""
-    count_overlaps(world.state, world.traffic_overlaps, np.isin([0, 1], rows or (0, 1)))
+    bind(count_overlaps, world.state, world.traffic_overlaps)(np.isin([0, 1], rows or (0, 1)))
     world.advance(np.ones(2, np.bool_))
     return world.traffic_overlaps.tolist()
 

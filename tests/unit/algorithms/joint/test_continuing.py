@@ -115,7 +115,7 @@ def processes(algo):
     return algo.env_runner_group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_remote_runner_is_restored_killed_and_restarted(build, tmp_path):
     steps, config = 2**40, config_of("ppo", runners=1)
     folder = aged(build, config, steps, tmp_path / "saved")

@@ -142,7 +142,7 @@ def test_an_update_is_cut_to_the_actions_that_are_left(build):
 
 
 @pytest.mark.parametrize(
-    ("settings", "runners", "steps"), [({"gru": 8, "sequence_length": 4}, 0, 4), ({}, 2, 1)]
+    ("settings", "runners", "steps"), first(({"gru": 8, "sequence_length": 4}, 0, 4), ({}, 2, 1))
 )
 def test_a_cut_update_is_of_whole_sequences_and_of_equal_steps_on_all_runners(
     build, settings, runners, steps

@@ -136,8 +136,8 @@ def assert_gone(pids):
         time.sleep(0.1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("lost", [pytest.param(0, marks=pytest.mark.nightly), 1])
+@pytest.mark.nightly
+@pytest.mark.parametrize("lost", [0, 1])
 def test_a_lost_learner_ends_the_training(lost, build):
     algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
     train(algo, 1)
