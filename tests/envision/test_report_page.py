@@ -36,7 +36,9 @@ def address(tmp_path) -> str:
     return page.as_uri()
 
 
-@pytest.mark.parametrize(("size", "scheme"), [(DESKTOP, "light"), pytest.param(PHONE, "dark", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    ("size", "scheme"), [(DESKTOP, "light"), pytest.param(PHONE, "dark", marks=pytest.mark.nightly)]
+)
 def test_a_report_fits_the_window_is_short_and_plays_episodes(browser: Browser, address, size, scheme):
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
     page.set_default_timeout(PATIENCE)
