@@ -15,9 +15,9 @@ os.environ["RAY_prestart_worker_first_driver"] = "0"  # noqa: SIM112 - Ray's nam
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 """One thread for PyTorch in each process: its threads wait busily, and other tests run on the other core."""
 LONGEST = (
-    *("test_many_machines", "test_experiment_runs", "test_sweep_runs", "test_own_code_page", "test_examples"),
-    *("test_perf", "test_documents", "test_games", "test_exporting"),
-    *("test_whole_registry", "test_several_learners", "test_scenarios"),
+    *("test_many_machines", "test_experiment_runs", "test_sweep_runs", "test_own_code_page"),
+    *("test_live_page", "test_served", "test_page", "test_robustness", "test_exporting", "test_policies"),
+    *("test_whole_registry", "test_several_learners", "test_games", "test_documents", "test_scenarios"),
 )
 """Modules that take minutes, which begin first: at the end both cores share what is short."""
 

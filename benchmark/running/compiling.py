@@ -18,6 +18,7 @@ from smarts.controllers import action_space
 from smarts.dynamics import MODELS, TYRE_MODELS
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
+from smarts.sim.options import Options
 from smarts.types.actions import ActionSpaceType
 
 SCENARIO = "intersection"
@@ -38,6 +39,7 @@ def kernel_users(*, only_experiments: bool = False) -> Mapping[str, Callable[[],
         "image and the paper's reward": partial(
             _benchmark, observation={"base": "benchmark", "stacked": ["image"]}, reward="paper"
         ),
+        "traffic of Native": partial(_benchmark, simulation=Options(traffic_engine="Native")),
         "all sensors": partial(_drive, AgentInterface.from_type(AgentType.Full, occlusion_map=True)),
     }
     for action in ActionSpaceType:

@@ -9,7 +9,7 @@ from smarts.agents import ActionSpaceType, AgentInterface, AgentPolicy, AgentSpe
 from smarts.env import RLlibHiWayEnv
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_papers_listing(tmp_path):
     config = SimpleNamespace(
         agent={

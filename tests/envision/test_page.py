@@ -133,6 +133,7 @@ def test_a_phone_shows_everything_without_scrolling(open_page):
     expect(page.locator(".row").first).to_be_visible()
 
 
+@pytest.mark.nightly
 def test_texts_of_an_episode_stay_texts(open_page):
     def rename(message):
         if message["type"] == "episode":

@@ -39,6 +39,7 @@ def test_episodes_are_listed_opened_and_linked(open_page, library):
         expect(page.locator(".cell")).to_have_count(2)
 
 
+@pytest.mark.nightly
 def test_a_token_leaves_the_address_and_stays_valid(open_page, library):
     with serving(library, page="", host="0.0.0.0", token="secret") as server:
         page = open_page(url=f"http://127.0.0.1:{server.port}/", fragment="#token=secret")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import Rig, first
+from rigs import Rig
 
 from algorithms.commnet import CommNetModule
 from algorithms.joint.batch import GroupView
@@ -85,8 +85,8 @@ def test_agents_of_different_groups_and_spaces_hear_each_other_when_acting_as_wh
     assert (outputs[1][told][0] != outputs[1][untold][0]).any()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("channel", first(True, False))
+@pytest.mark.nightly
+@pytest.mark.parametrize("channel", [True, False])
 def test_a_blind_agent_is_told_by_one_that_is_not_paid(channel):
     """1.0 for the listener, 0.5 without a channel: the gradient flows through the message."""
     rig = Rig("commnet", Speaker, seed=1, gamma=0.5, lr=1e-2, channel=channel)

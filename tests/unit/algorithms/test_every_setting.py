@@ -127,9 +127,6 @@ def same(one, other):
     )
 
 
-REST = [name for name in algorithms.names() if name != "ppo"]
-
-
 def settings_of(name):
     """Return the settings with two values at least, and their values here."""
     defaults = dict(algorithms.entry(name).settings())
@@ -137,7 +134,8 @@ def settings_of(name):
     return {setting: SMALL.get(setting, defaults[setting]) for setting in several if setting not in OF_RUNS}
 
 
-@pytest.mark.parametrize("name", ["ppo", *(pytest.param(n, marks=pytest.mark.nightly) for n in REST)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", algorithms.names())
 def test_every_setting_changes_what_is_learned_or_is_refused(name):
     entry, base = algorithms.entry(name), learned(name)
     assert same(base, learned(name))

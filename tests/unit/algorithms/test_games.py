@@ -1,7 +1,7 @@
 """Every algorithm reaches the known score of its games; pass lines lie midway to the failing score.
 
-Scores are of greedy episodes of the fixed evaluation list, with one seed; `perf/games.py` plays more. Of each
-paradigm one algorithm is no nightly test: `ppo` and `qmix` here, `commnet` and `networked_q` in their files.
+Scores are of greedy episodes of the fixed evaluation list, with one seed; `perf/games.py` plays more. `make test`
+plays one game of `ppo` and, in another file, one of `networked_q`.
 """
 
 import pytest
@@ -78,7 +78,7 @@ def test_continuous_actions_follow_their_cue(name):
     assert (target_score(name, 1) > -1 / 6).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "expected"), first(("qmix", 8), ("vdn", 7)))
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "expected"), [("qmix", 8), ("vdn", 7)])
 def test_qmix_represents_the_two_step_game_and_vdn_does_not(name, expected):
     assert two_step_score(name, 1) == pytest.approx(expected, abs=0.1)

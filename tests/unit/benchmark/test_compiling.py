@@ -12,11 +12,16 @@ from smarts.agents.interface import AgentInterface, AgentType
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.geometry.compiling import Compilations
+from smarts.sim.options import Options
 with Compilations() as compiled:
     env = VectorHiWayEnv(3, ["double_merge"], 4, seed=7)
     env.reset()
     for _ in range(30):
         env.step([np.full((3, 4), 2)])
+    env.close()
+    env = VectorHiWayEnv(1, ["two_way"], 1, simulation=Options(traffic_engine="Native"))
+    env.reset()
+    env.step([np.zeros((1, 1), int)])
     env.close()
     for kind in (AgentType.Full, AgentType.Boid, AgentType.MPCTracker, AgentType.TrajectoryInterpolator):
         env = HiWayEnv(["two_way"], {"agent": AgentInterface.from_type(kind)})

@@ -63,7 +63,7 @@ def covered():
     return {cell: coverage(*cell) for cell in CELLS}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_cell_is_covered(covered):
     shares = {cell: share for cell, (share, _) in covered.items()}
     assert {cell: share for cell, share in shares.items() if share < 0.91} == {}

@@ -38,10 +38,9 @@ def test_keep_lane_drives_and_parked_stands(tmp_path):
 
 
 @pytest.mark.slow
-def test_sumos_driver_arrives_on_empty_roads():
-    for scenario in ("two_way", "double_merge"):
-        alone, _ = play(SUMO_DRIVER, scenario, episodes=2, first_episode=100)
-        assert alone.share("goal") == 1.0
+def test_sumos_driver_arrives_on_an_empty_road():
+    alone, _ = play(SUMO_DRIVER, "double_merge", episodes=2, first_episode=100)
+    assert alone.share("goal") == 1.0
 
 
 @pytest.mark.slow
