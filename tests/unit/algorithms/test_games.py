@@ -1,7 +1,7 @@
 """Every algorithm reaches the known score of its games; pass lines lie midway to the failing score.
 
-Scores are of greedy episodes of the fixed evaluation list, with one seed; `perf/games.py` plays more. `make test`
-plays one game of `ppo` and, in another file, one of `networked_q`.
+Scores are of greedy episodes of the fixed evaluation list, with one seed; `perf/games.py` plays several. In
+`make test` are one game of `ppo` and, in another file, one of `networked_q`.
 """
 
 import pytest
