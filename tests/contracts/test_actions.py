@@ -102,7 +102,7 @@ def env(tmp_path_factory):
 
 
 @pytest.fixture
-def seen(env, untouched):
+def seen(env):
     return env.reset(seed=2)[0]
 
 

@@ -114,7 +114,8 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(continued):
     assert set(rates["value"]) == {0.0}
     # The scripted policy begins its episodes as the trained policy does.
     starts = ["world", "agent", "start_x", "start_y", "start_speed"]
-    greedy, driven = (each.query("mode == 'greedy' and split == 'train'") for each in (table, parked))
+    greedy = table.query("mode == 'greedy' and split == 'train'")
+    driven = parked.query("split == 'train'")
     assert len(greedy) == 6
     assert np.array_equal(greedy[starts].to_numpy(), driven[starts].to_numpy())
 
