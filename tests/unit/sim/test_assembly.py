@@ -46,13 +46,15 @@ def stepped(parts, rows):
 
 
 def test_a_row_that_is_not_stepped_stays_as_it_is(three):
-    world = three.simulation.world
+    world, starts = three.simulation.world, (three.schedule.start(1, episode) for episode in range(30))
+    three.simulation.reset({1: next(start for start in starts if start.traffic.warm_up)})
 
     def state():
         tables = world.vehicles, world.before, world.agents, world.missions, world.guidance
         return [column[1].tobytes() for table in tables for column in table]
 
     stepped(three, [0, 1, 2])
+    assert (world.vehicles.owner[1] == Owner.TRAFFIC).any()
     before, others = state(), world.vehicles.position[[0, 2]].copy()
     for _ in range(20):
         stepped(three, [0, 2])
