@@ -7,6 +7,7 @@ when it may not have arrived.
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import time
@@ -14,7 +15,6 @@ import uuid
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,17 +22,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import LateBound
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.memory import remembered
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_tables import start_facts
 from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_extras import PublishedExtras
 from smarts.sim.publisher_kernel import Rows, take_row
-from smarts.sim.publisher_maps import PublishedMaps
 from smarts.sim.publisher_sight import PublishedSight
 from smarts.sim.publisher_tables import static_tables
 from smarts.sim.recorder import OBSERVED
-from smarts.stream.road_map import origin_of
+from smarts.stream.container import Message
+from smarts.stream.road_map import map_message, origin_of
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
@@ -91,7 +93,8 @@ class EpisodePublisher:
         self._policies, self._policy = tuple(policies), policy
         self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
         self._unsent = world.worlds - len(self._rows)
-        self._maps = PublishedMaps(scene.atlas.graphs)
+        self._refused: set[int] = set()
+        """Maps that cannot be shown."""
         self._origins: dict[int, Floats] = {}
         _publishers.add(self)
         self._connect()
@@ -140,7 +143,6 @@ class EpisodePublisher:
                 self._begin(row, self._rows[row], start)
         used = time.thread_time()
         sent = [self._record_row(row, frame, is_due, has_news) for row in range(len(self._rows))]
-        self._outlet.flush()
         if any(sent):
             self._due = now + min(max(SHORTEST, (time.thread_time() - used) / SHARE), LONGEST)
 
@@ -158,7 +160,7 @@ class EpisodePublisher:
             shown.sight.look(frame, row, outlet.observed.get(shown.source, ()))
         assert shown.start is not None
         is_due = (is_due or has_news or shown.epoch != outlet.epoch) and outlet.is_open and is_stepped
-        is_sent = is_due and shown.start.map not in self._maps.refused
+        is_sent = is_due and shown.start.map not in self._refused
         if is_sent:
             self._send(row, shown, frame)
         if row in frame.failures:
@@ -189,7 +191,6 @@ class EpisodePublisher:
         """Say that the simulations are over, and end; may be called again."""
         for shown in self._rows:
             self._end(shown, False, "closed before its end")
-        self._outlet.flush()
         self._rows = []
         self._outlet.close()
 
@@ -220,13 +221,13 @@ class EpisodePublisher:
     def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
         if not shown.is_over:
             shown.is_over = True
-            if shown.start is not None and shown.start.map in self._maps.refused:
+            if shown.start is not None and shown.start.map in self._refused:
                 return
             self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
 
     def _put(self, shown: _Row, message: Content) -> None:
         stamped = {**message, "source": shown.source, "serial": shown.serial}
-        self._outlet.put(stamped, shown.epoch, is_last=False)
+        self._outlet.put(stamped, shown.epoch)
 
     def _send(self, row: int, shown: _Row, frame: Frame) -> None:
         """Send a frame of one simulation, and before it what lasts and has not been sent."""
@@ -235,6 +236,8 @@ class EpisodePublisher:
             shown.epoch, shown.known = epoch, (0, 0, 0)
             self._buffers.named[row] = 0
             self._open(row, shown, epoch)
+            if shown.start is not None and shown.start.map in self._refused:
+                return
         known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
         if known != shown.known:
             shown.known = known
@@ -272,7 +275,7 @@ class EpisodePublisher:
         outlet = self._outlet
         if self._unsent and outlet.is_open and self._told != outlet.epoch:
             self._told = outlet.epoch
-            outlet.put({"type": "unsent", "count": self._unsent}, self._told, is_last=False)
+            outlet.put({"type": "unsent", "count": self._unsent}, self._told)
 
     def _observations(self, row: int, shown: _Row, frame: Frame) -> list[tuple[Any, ...]]:
         if not shown.sight.agent_ids:
@@ -291,10 +294,22 @@ class EpisodePublisher:
             self._maps_sent = epoch, set()
         if start.map not in self._maps_sent[1]:
             self._maps_sent[1].add(start.map)
-            self._outlet.put(partial(self._maps.message, start.map), epoch, is_last=False)
+            self._put_map(start.map, epoch)
         facts = start_facts(start, self._scene.world.dt) | {"policy": self._policy}
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
+
+    def _put_map(self, number: int, epoch: int) -> None:
+        """Send a map; one that is too large is refused from now on."""
+        graph = self._scene.atlas.graphs[number]
+        message = {"type": "map", "map": number, "origin": list(origin_of(graph)), "message": _map_of(graph)}
+        if not self._outlet.put(message, epoch):
+            self._refused.add(number)
+            logging.getLogger("smarts").warning(
+                "envision: map %d is too large, its simulations are not shown; record episodes, and open "
+                "them with `smarts-bench view`",
+                number,
+            )
 
     def _names(self, row: int, slots: Ints) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of vehicles."""
@@ -330,6 +345,11 @@ class EpisodePublisher:
                     int(agents.outcome[row, agent_id]),
                     *map(int, partner),
                 )
+
+
+@remembered(most=MOST_SHOWN)
+def _map_of(graph: LaneGraph) -> Message:
+    return map_message(graph, "")
 
 
 def room() -> int:

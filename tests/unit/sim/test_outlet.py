@@ -20,7 +20,6 @@ class Server:
 
     def __init__(self):
         self.messages, self.requests, self.reads = [], [], threading.Event()
-        self.ended = 0
         self.reads.set()
 
     def take(self, connection):
@@ -30,7 +29,6 @@ class Server:
             try:
                 self.messages.append(unpack(connection.recv()))
             except Exception:
-                self.ended += 1
                 return
 
 
@@ -70,31 +68,29 @@ def numbers(server):
     return [each["n"] for each in server.messages]
 
 
-def test_messages_arrive_in_order_also_those_that_are_made_later():
+def test_messages_arrive_in_order():
     with running() as server:
         sender = opened(server)
         for number in range(100):
-            content = message(number)
-            sender.put((lambda content=content: content) if number % 7 == 0 else content, sender.epoch)
+            sender.put(message(number), sender.epoch)
         wait(lambda: len(server.messages) == 100)
         sender.close()
         assert numbers(server) == [*range(100)]
 
 
-def test_a_server_that_does_not_read_costs_messages_and_no_memory():
+def test_a_server_that_does_not_read_costs_messages_and_no_time():
     with running() as server:
         sender = opened(server)
         server.reads.clear()
-        epoch, put = sender.epoch, 0
+        epoch, put, begun = sender.epoch, 0, time.monotonic()
         while sender.epoch < epoch + 3:
-            sender.put(message(put, 100_000), sender.epoch)
+            sender.put(message(put, 10_000), sender.epoch)
             put += 1
-            assert sum(map(len, sender._waiting)) <= outlet.MOST_WAITING
+        assert time.monotonic() - begun < LIMIT
         server.reads.set()
-        sender.put(message(-1), sender.epoch)
-        wait(lambda: server.messages and numbers(server)[-1] == -1)
+        wait(lambda: sender.put(message(-1), sender.epoch) or -1 in numbers(server))
         sender.close()
-        found = numbers(server)[:-1]
+        found = [number for number in numbers(server) if number >= 0]
         # Some are missing; those that came are whole and in order.
         assert len(found) < put
         assert found == sorted(set(found))
@@ -116,22 +112,6 @@ def test_a_server_that_ends_and_comes_back_is_found_again():
         wait(lambda: server.messages)
         sender.close()
         assert numbers(server) == [1]
-
-
-def test_a_connection_ends_with_its_process_though_a_fork_lives_on():
-    with running() as server:
-        ended, end = os.pipe()
-        parent = os.fork()
-        if not parent:
-            opened(server).put(message(0), 1)
-            if not os.fork():
-                os.close(end)
-                os.read(ended, 1)
-            os._exit(0)
-        os.waitpid(parent, 0)
-        wait(lambda: server.ended)
-        os.close(end)
-        os.close(ended)
 
 
 def test_a_process_that_was_forked_off_does_not_disturb():
