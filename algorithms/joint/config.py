@@ -35,7 +35,7 @@ from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces, check_sp
 from algorithms.parts.distributions import Exploration
 from algorithms.parts.schedule import annealed
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
-from algorithms.settings import faults
+from algorithms.setting_kinds import faults
 
 logger = logging.getLogger(__name__)
 

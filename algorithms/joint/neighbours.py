@@ -13,7 +13,8 @@ from algorithms.joint.batch import JointView
 from algorithms.joint.env import JointSpaces
 from algorithms.parts.communication import others
 from algorithms.parts.graph import complete, ring, within
-from algorithms.settings import Graph, Near
+from algorithms.setting_kinds import Near
+from algorithms.settings import Graph
 
 
 class Neighbourhood:

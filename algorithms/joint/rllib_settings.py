@@ -17,7 +17,8 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.policy.policy import PolicySpec
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
-from algorithms.settings import Count, NotNegative, Number, Positive, faults
+from algorithms.setting_kinds import faults
+from algorithms.settings import Count, NotNegative, Number, Positive
 
 _HONOURED = """
     num_cpus_for_main_process custom_resources_for_main_process placement_strategy local_gpu_idx
@@ -43,29 +44,6 @@ _HONOURED = """
 """
 HONOURED = frozenset(_HONOURED.split())
 """RLlib's settings that have an effect, and what its configs note for themselves, as attributes."""
-INSTEAD = {
-    "train_batch_size": "use `train_batch_size_per_learner`, or `rollout_fragment_length`",
-    "minibatch_size": "use `training(batch_size=...)`",
-    "num_epochs": "use `training(epochs=...)`; replay has `updates_per_step`",
-    "model": "use `training(hidden=..., gru=...)`",
-    "_rl_module_spec": "override `modules` of the config, see docs/develop/algorithms_inside.md",
-    "optimizer": "networks have Adam: use `training(lr=...)`",
-    "_torch_lr_scheduler_classes": "use a schedule: `training(lr=[[0, 0.001], [10000, 0.0001]])`",
-    "num_gpus": "use `learners(num_gpus_per_learner=...)`",
-    "framework_str": "networks are PyTorch's",
-    "exploration_config": "use the algorithm's own settings, such as `training(epsilon=...)`",
-    "clip_rewards": "clip in the environment, or use `training(reward_scale=...)`",
-    "observation_filter": "scale observations in the environment",
-    "_env_to_module_connector": "wrap the environment, or override `adapt` of the config",
-    "_module_to_env_connector": "wrap the environment, or override `adapt` of the config",
-    "_learner_connector": "override `prepare` of the learner, and give it to `learners(learner_class=...)`",
-    "episode_lookback_horizon": "stack observations in the environment, or use `training(gru=...)`",
-    "action_mask_key": "name the mask 'action_mask' in the environment's observation",
-    "min_time_s_per_iteration": "an iteration is one rollout: use `rollout_fragment_length`",
-    "min_sample_timesteps_per_iteration": "an iteration is one rollout: use `rollout_fragment_length`",
-    "num_consecutive_env_runner_failures_tolerance": "use `training(max_silent_iterations=...)`",
-}
-"""What to use instead of some of the others."""
 OTHER_NAMES = {"num_epochs": "epochs", "num_sgd_iter": "epochs", "train_batch_size_per_learner": "batch_size"}
 """Our names of RLlib's settings that mean the same, in algorithms that have ours."""
 USUAL_NAMES = {
@@ -169,8 +147,9 @@ def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
     for name in sorted(vars(AlgorithmConfig()).keys() - read):
         value, default = vars(config).get(name), fresh.get(name)
         if value is not default and value != default:
-            remedy = INSTEAD.get(name, "leave it out")
-            yield f"{name.lstrip('_')}={reprlib.repr(value)} has no effect on {config.algorithm!r}: {remedy}"
+            shown = f"{name.lstrip('_')}={reprlib.repr(value)}"
+            own = f"the algorithm's own are listed by `smarts-bench settings {config.algorithm}`"
+            yield f"{shown} has no effect on {config.algorithm!r}: leave it out; {own}"
 
 
 def _evaluation_faults(config: Any, fresh: dict[str, Any]) -> Iterator[str]:

@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, Entry
-from algorithms.settings import JointSettings, SettingFault, faults
+from algorithms.setting_kinds import SettingFault, faults
+from algorithms.settings import JointSettings
 from smarts.errors import nearest_names, shown
 from smarts.registry import Registry
 

@@ -14,7 +14,8 @@ from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
-from algorithms.settings import ReplaySettings, faults
+from algorithms.setting_kinds import faults
+from algorithms.settings import ReplaySettings
 
 FAMILIES = {"ppo", "dqn", "maddpg", "qmix", "commnet", "networked_q"}
 """One algorithm of each family."""

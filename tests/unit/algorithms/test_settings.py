@@ -13,7 +13,8 @@ from algorithms.errors import EnvironmentFailure, SpaceError, UnknownSettingErro
 from algorithms.joint.making import check_environment
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
-from algorithms.settings import PPOSettings, faults
+from algorithms.setting_kinds import faults
+from algorithms.settings import PPOSettings
 from tests.games.games import Cues, Target
 
 

@@ -1,4 +1,4 @@
-"""Types of settings' values: ranges, schedules, groups, graphs."""
+"""Types of settings' values: ranges, schedules, groups, graphs; and what is wrong with others."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Discriminator, Field, InstanceOf, Tag
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, InstanceOf, Tag, ValidationError
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
@@ -108,3 +108,42 @@ def check_heads(heads: int, hidden: tuple[int, ...]) -> None:
     """Raise ValueError if the heads of an attention do not divide the width that they share."""
     if hidden[-1] % heads:
         raise ValueError(f"attention_heads={heads} does not divide the last of hidden={hidden}")
+
+
+class SettingFault(NamedTuple):
+    """A value that does not fit.
+
+    Attributes:
+        key: Name of the setting and places within its value; () for settings that do not fit each other.
+        value: The value.
+        problem: What it should be.
+        is_unknown: Whether there is no such setting.
+    """
+
+    key: tuple[str | int, ...]
+    value: Any
+    problem: str
+    is_unknown: bool
+
+    def __str__(self) -> str:
+        """Return name, value and problem, as in "lr[0][1]=3: Input should be ..."."""
+        name, *places = self.key or ("",)
+        where = str(name) + "".join(f"[{place}]" for place in places)
+        return f"{where}={self.value!r}: {self.problem}" if self.key else self.problem
+
+
+def faults(settings: type[BaseModel], values: dict[str, Any]) -> list[SettingFault]:
+    """Return what is wrong with values of settings."""
+    try:
+        settings.model_validate(values)
+    except ValidationError as error:
+        return [
+            SettingFault(
+                tuple(part for depth, part in enumerate(each["loc"]) if depth != 1 or part not in TAGS),
+                each["input"],
+                each["msg"].removeprefix("Value error, ").replace("valid tuple", "list"),
+                each["type"] == "extra_forbidden",
+            )
+            for each in error.errors(include_url=False)
+        ]
+    return []
