@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from benchmark.experiment.config import Experiment
+    from benchmark.experiment.models import Experiment
     from benchmark.running.experiment import run
     from benchmark.running.policy import Policy, load_policy
 
@@ -20,7 +20,7 @@ __all__ = ["Experiment", "Policy", "load_policy", "run"]
 
 # Imported when asked for: not every command needs torch and Ray.
 _PLACES = {
-    "Experiment": "benchmark.experiment.config",
+    "Experiment": "benchmark.experiment.models",
     "Policy": "benchmark.running.policy",
     "load_policy": "benchmark.running.policy",
     "run": "benchmark.running.experiment",

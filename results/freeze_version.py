@@ -20,7 +20,8 @@ from typing import Any
 
 import pandas as pd
 
-from benchmark.experiment.config import Experiment, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.experiment.version import ALL, FILE, SETTINGS, TUNING, frozen_text, settings_digest
 from benchmark.running.played import scenarios_by_traffic

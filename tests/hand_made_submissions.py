@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.experiment import version
-from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import TaskSetting
 from benchmark.experiment.version import code_digests, frozen_text
 from benchmark.results.files import write_json

@@ -128,8 +128,7 @@ def evaluate(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for the table and the recorded episodes: new, empty, or of the same evaluation.",
-            show_default="not kept",
+            help="Folder for the table and the recorded episodes, new or empty.", show_default="not kept"
         ),
     ] = None,
     import_: Import = None,
@@ -154,15 +153,15 @@ def evaluate(
         nonlocal table
         names = scenario or ()
         if agent is not None:
-            from benchmark.running.evaluate_agent import evaluate_agent
+            from benchmark.running.evaluating import evaluate_agent
 
             table = evaluate_agent(agent, scenarios=names, agents=agents or 4, **given)
         elif run is not None and is_exported:
-            from benchmark.running.evaluate_agent import evaluate_exported
+            from benchmark.running.evaluating import evaluate_exported
 
             table = evaluate_exported(run, scenarios=names, agents=agents, **given)
         elif run is not None:
-            from benchmark.running.evaluate_checkpoint import evaluate_checkpoint  # loads torch and Ray
+            from benchmark.running.evaluating import evaluate_checkpoint  # loads torch and Ray
 
             modes: Any = [each.value for each in Mode if not mode or each in mode]
             own: Any = {"modes": modes, "checkpoint": checkpoint or "last", "agents": agents}

@@ -76,9 +76,9 @@ def leaderboard(
 
 
 def check_traffic(results: Results) -> None:
-    """Check that social vehicles matter; exit code 0 if all cells pass, 1 if one fails or is not known.
+    """Check that social vehicles matter; exit code 0 if all conditions pass, 1 if one fails or is not known.
 
-    Checked is each cell with social vehicles that has scripted policies:
+    Checked is each condition with social vehicles that has scripted policies:
 
     Keep-lane or random driving has to collide at least 0.10 more often than on empty roads (p < 0.01).
 
@@ -92,7 +92,9 @@ def check_traffic(results: Results) -> None:
     found = read_results(results)
     checks = traffic_checks(found)
     typer.echo(score_table(found) + "\n")
-    typer.echo("\n".join(map(str, checks)) or "no scripted policy is named in a cell with social vehicles")
+    typer.echo(
+        "\n".join(map(str, checks)) or "no scripted policy is named in a condition with social vehicles"
+    )
     if not checks or not all(check.passes for check in checks):
         raise typer.Exit(1)
 

@@ -26,11 +26,9 @@ def robustness(
     seed: Annotated[
         int | None, typer.Option(help="Training seed of the policies.", show_default="the smallest")
     ] = None,
-    cell: Annotated[
+    task: Annotated[
         list[str] | None,
-        typer.Option(
-            help="TASK/TRAFFIC. Repeatable.", metavar="CELL", show_default="all with social vehicles"
-        ),
+        typer.Option(help="Repeatable.", metavar="TASK/TRAFFIC", show_default="all with social vehicles"),
     ] = None,
     algorithm: Annotated[
         list[str] | None, typer.Option(help="Algorithm to play. Repeatable.", show_default="all")
@@ -65,7 +63,7 @@ def robustness(
         if given
     }
     given = Given(
-        episodes, seed, tuple(cell or ()), tuple(algorithm or ()), imports=tuple(import_ or ()), **chosen
+        episodes, seed, tuple(task or ()), tuple(algorithm or ()), imports=tuple(import_ or ()), **chosen
     )
 
     def work() -> int:

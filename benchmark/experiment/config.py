@@ -7,34 +7,10 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from pydantic_core import PydanticSerializationError
-
 from benchmark.experiment.checks import check_experiment
-from benchmark.experiment.models import (
-    EMPTY_ROADS,
-    Budget,
-    Evaluation,
-    Experiment,
-    Resources,
-    TaskOverrides,
-    TrainingTask,
-    Tune,
-)
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.values import NAME
 from smarts.config import ConfigError, Fault, Problem, read_config, shown
-
-__all__ = [
-    "EMPTY_ROADS",
-    "Budget",
-    "Evaluation",
-    "Experiment",
-    "Resources",
-    "TaskOverrides",
-    "TrainingTask",
-    "Tune",
-    "check_whole",
-    "read_experiment",
-]
 
 
 def read_experiment(
@@ -73,11 +49,7 @@ def check_whole(experiment: Experiment) -> Experiment:
         ConfigError: Lists all of its mistakes.
     """
     imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
-    try:  # as a file has it
-        values = json.loads(experiment.model_dump_json(exclude_unset=True))
-    except PydanticSerializationError as error:
-        remedy = "name own code as 'module:Class', and give plain numbers, texts, lists and dicts"
-        raise ConfigError([Problem("", f"a value that no file can hold: {error}", remedy)]) from error
+    values = json.loads(experiment.model_dump_json(exclude_unset=True))  # as a file has it
     whole = Experiment.model_validate({**values, "imports": [*imports]})
     faults = [*check_experiment(whole)]
     if not experiment.name:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    AfterValidator,
     Discriminator,
     Field,
     SerializerFunctionWrapHandler,
@@ -14,7 +13,7 @@ from pydantic import (
     model_validator,
 )
 
-from benchmark.experiment.values import NAME, SEVERAL, ActionName, Engine, VehicleName, Wheels
+from benchmark.experiment.values import SEVERAL, ActionName, Engine, FolderName, VehicleName, Wheels
 from smarts.config import Section, UnfitError
 from smarts.errors import SmartsError
 from smarts.types.agent_states import agent_names
@@ -47,19 +46,7 @@ class AgentChanges(Driving):
 MOST_AGENTS = 64
 
 
-def _agent_names(agents: dict[str, AgentChanges]) -> dict[str, AgentChanges]:
-    """Raise if a name cannot be one of an agent."""
-    for name in agents:
-        if not NAME.fullmatch(name) or "__" in name:
-            raise UnfitError(
-                f"{name!r} cannot name an agent", "use letters, digits, '.', '_' and '-', and no '__'"
-            )
-    return agents
-
-
-NamedAgents = Annotated[
-    dict[str, AgentChanges], Field(min_length=1, max_length=MOST_AGENTS), AfterValidator(_agent_names)
-]
+NamedAgents = Annotated[dict[FolderName, AgentChanges], Field(min_length=1, max_length=MOST_AGENTS)]
 
 
 class SocialAgents(Section):

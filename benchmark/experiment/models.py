@@ -12,7 +12,6 @@ from benchmark.experiment.algorithm_settings import settings_of
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.values import (
     SEVERAL,
-    Address,
     Algorithms,
     FolderName,
     Gpus,
@@ -117,7 +116,7 @@ class Resources(Section):
     """Processes that learn for one run, each from its rows of every minibatch; 0: the run's own."""
     learner_gpus: Gpus = 0
     """GPUs for each learner of one run."""
-    address: Address | None = None
+    address: str | None = None
     """HOST:PORT of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine.
     A cluster's machines need third-party packages only: code goes there, results come from there."""
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.algorithm_settings import own_defaults, settings_of
-from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Budget, Evaluation, Experiment, Resources, TrainingTask
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.values import name_of
 from smarts.config import ConfigError, fitted

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.values import ACTION_NAMES
 from benchmark.metrics import METRICS
 from benchmark.scripted import SCRIPTED_POLICIES

@@ -21,7 +21,6 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.traffic import TRAFFIC_ENGINES
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-ADDRESS = re.compile(r"\S+:\d+")
 ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
 
 KEPT = "kept"
@@ -71,14 +70,6 @@ def _scenario(name: str, info: ValidationInfo) -> str:
     return resolved(name)
 
 
-def _address(text: str) -> str:
-    if text != "auto" and not ADDRESS.fullmatch(text):
-        raise UnfitError(
-            f"{text!r} is not where a Ray cluster can be", "write auto, or HOST:PORT of its head"
-        )
-    return text
-
-
 def distinct(values: Iterable[Any]) -> Any:
     """Return values as a tuple, or raise if one of them is there twice."""
     values = tuple(values)
@@ -97,7 +88,6 @@ Algorithm = Annotated[str, _named("algorithm", ALGORITHMS)]
 Policy = Annotated[str, _named("scripted policy", SCRIPTED_POLICIES)]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
-Address = Annotated[str, AfterValidator(_address)]
 Gpus = Annotated[float, Field(ge=0)]
 Engine = Annotated[str, _named("traffic engine", TRAFFIC_ENGINES)]
 

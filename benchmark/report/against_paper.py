@@ -1,4 +1,4 @@
-"""A cell against the paper's, in four words, from the uncertainties of both."""
+"""A condition against the paper's, in four words, from the uncertainties of both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PASSES = (NON_INFERIOR, BETTER)
 ONE_SIDED = 0.90
 """Level of the interval whose ends are one-sided 95% ends."""
 DEGENERATE = ("random", "keep_lane", "parked")
-"""Scripted policies that do not drive to win: a paper's cell that one of them passes does not count."""
+"""Scripted policies that do not drive to win: a paper's condition that one of them passes does not count."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A cell against one that the paper prints."""
+    """A condition against one that the paper prints."""
 
     gaps: tuple[Gap, Gap]
 
@@ -53,7 +53,7 @@ BothLevels = tuple[Figures, Figures]
 
 
 def compare_with(theirs: Sequence[Printed], ours: Figures, one_sided: Figures) -> Comparison | None:
-    """Return the comparison with the printed variant of a cell that gives the weakest word.
+    """Return the comparison with the printed variant of a condition that gives the weakest word.
 
     Args:
         theirs: What the paper prints; its two tables differ in places.
@@ -100,11 +100,11 @@ def _difference(ours: Value, theirs: float, level: float) -> tuple[float, float]
 def degenerate_passes(
     theirs: Sequence[Printed], figures: Callable[[str], BothLevels | None]
 ) -> dict[str, bool | None]:
-    """Return for each degenerate driver whether it passes a cell of the paper; None if that is not known.
+    """Return for each degenerate driver whether it passes a condition of the paper; None if not known.
 
     Args:
         theirs: What the paper prints.
-        figures: Returns a driver's two rates, None if its test in the cell is not finished.
+        figures: Returns a driver's two rates, None if its test in the condition is not finished.
     """
     found: dict[str, bool | None] = {}
     for driver in DEGENERATE if theirs else ():

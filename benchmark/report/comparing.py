@@ -13,7 +13,7 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
-from benchmark.report.ranking import CELL
+from benchmark.report.ranking import CONDITION
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import RUNS, Results, RunResult, holds_results, read_results
 from benchmark.results.versions import check_one_version
@@ -21,7 +21,7 @@ from benchmark.results.versions import check_one_version
 COLUMNS = (
     "first",
     "second",
-    *CELL,
+    *CONDITION,
     "metric",
     "value",
     "low",
@@ -118,7 +118,7 @@ def with_distinct_names(first: Side, second: Side) -> tuple[Side, Side]:
 
 
 def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) -> Frame:
-    """Return the differences at equal starts between two sides, Holm-corrected over all cells and metrics.
+    """Return the differences at equal starts between two sides, Holm-corrected over conditions and metrics.
 
     One algorithm a side is compared whatever their names; of several, those that both sides have.
 
@@ -129,9 +129,9 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         mode: Way of acting.
 
     Returns:
-        A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie, and
+        A row for each pair of algorithms, condition and metric, with `COLUMNS`; `better` is "" for a tie, and
         where `p_value` is NaN, since they could not be compared; it is `DIFFERS` where a metric that only
-        describes differs. Seeds are how many of training a side has in the cell; scripted policies have none.
+        describes differs. Seeds are how many of training a side has there; scripted policies have none.
 
     Raises:
         ResultsError: There is nothing in common, or they are of several versions of the benchmark.
@@ -145,7 +145,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     pairs = _pairs(first, second)
     table = _played(first, second, pairs)
     table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
-    found = compare(table, metrics, ["pair", *CELL], "side", family=())
+    found = compare(table, metrics, ["pair", *CONDITION], "side", family=())
     if not len(found):
         raise ResultsError(
             f"nothing that both have: no common task, traffic and {mode} episodes",
@@ -158,7 +158,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         for letter, (side, number) in sides.items()
     }
     seeds = _training_seeds(table)
-    cells = [*zip(found["pair"], *(found[name] for name in CELL), strict=True)]
+    cells = [*zip(found["pair"], *(found[name] for name in CONDITION), strict=True)]
     counts = {letter: [seeds.get((*cell, letter), 0) for cell in cells] for letter in sides}
     differs = [
         METRICS[name].better is None and corrected < SIGNIFICANCE
@@ -191,7 +191,7 @@ def _played(first: Side, second: Side, pairs: Sequence[tuple[str, str]]) -> Fram
 def _training_seeds(table: Frame) -> dict[Hashable, int]:
     """Return how many seeds of training each side has, by pair, task, traffic and side."""
     learnt = table[table["training_seed"] != SCRIPTED_SEED]
-    return learnt.groupby(["pair", *CELL, "side"])["training_seed"].nunique().to_dict()
+    return learnt.groupby(["pair", *CONDITION, "side"])["training_seed"].nunique().to_dict()
 
 
 def differing_protocols(first: Side, second: Side) -> list[str]:
@@ -209,7 +209,7 @@ def runs_apart(first: Side, second: Side) -> list[str]:
 
 
 def only_one_has(first: Side, second: Side) -> list[str]:
-    """Return a sentence for each algorithm and cell of which only one side has a finished run."""
+    """Return a sentence for each algorithm and condition of which only one side has a finished run."""
     pairs = _pairs(first, second)
     return [*_only_first(first, second, dict(pairs)), *_only_first(second, first, {y: x for x, y in pairs})]
 

@@ -24,22 +24,22 @@ from benchmark.report.against_paper import (
 from benchmark.report.paper import Printed, algorithm_label, misprint, paper, printed
 from benchmark.report.protocol import engine_marks, protocol_of, unlike_runs
 from benchmark.report.ranking import (
-    CELL,
+    CONDITION,
     RANKED_BY,
     Standing,
     differences,
-    of_cell,
+    of_condition,
     ranks,
     with_seed_differences,
 )
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
-from benchmark.report.values import GENERALIZATION, MODES, Key, Value, by_key, measure_cells
+from benchmark.report.values import GENERALIZATION, MODES, Key, Value, by_key, measure_conditions
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
 MOST_STEPS_APART = 0.05
-"""Share by which the agent-steps of ranked trainings may differ from those that are usual in the cell."""
-SAME_TASK = "hardly differs from the cell without social vehicles"
+"""Share by which the agent-steps of ranked trainings may differ from those usual in the condition."""
+SAME_TASK = "hardly differs from the condition without social vehicles"
 PROTOCOL = "protocol"
 """Column of agent-episodes that are compared."""
 
@@ -94,7 +94,7 @@ class Report:
 
     results: Results
     values: Frame
-    """Result of `measure_cells`."""
+    """Result of `measure_conditions`."""
     rates_at_90: Frame
     """The two rates with 90% intervals, whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
@@ -160,7 +160,7 @@ class Report:
 
     @cached_property
     def has_paper(self) -> bool:
-        """Whether the paper prints figures of any of its cells."""
+        """Whether the paper prints figures of any of its conditions."""
         return any(self.printed(name, *column) for name in self.algorithms for column in self.columns)
 
     @cached_property
@@ -176,7 +176,7 @@ class Report:
 
     @cached_property
     def other_steps(self) -> dict[tuple[str, str, str], int]:
-        """Mean agent-steps of trainings that took others than are usual in their cell and protocol."""
+        """Mean agent-steps of trainings that took others than are usual in their condition and protocol."""
         rows = [
             (self.protocols[place], *place, float(run.progress["agent_steps"].iloc[-1]), _budget(run))
             for run in self.results.finished
@@ -203,7 +203,7 @@ class Report:
         return {(run.task, run.traffic) for run in self.results.runs if _is_unlike_paper(run)}
 
     def printed(self, algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
-        """Return what the paper prints for a cell, nothing where another task is driven than in the paper."""
+        """Return what the paper prints for a condition, nothing where the task is not that of the paper."""
         if (task, traffic) in self._unlike_paper:
             return ()
         return printed(algorithm, task, traffic)
@@ -236,7 +236,7 @@ class Report:
             is_tested = self.value(*place, mode, "completion_rate") is not None
             if is_tested and place in self.compared and place not in self.other_steps:
                 entries.setdefault(self.compared[place], []).append(name)
-        differing = of_cell(self.differences[mode], task, traffic)
+        differing = of_condition(self.differences[mode], task, traffic)
         found: dict[Any, Standing] = {}
         for names in entries.values():
             found |= ranks(differing, names) if len(names) > 1 else {}
@@ -354,17 +354,17 @@ def _with_reasons(values: Frame, marks: dict[tuple[str, str, str], str]) -> Fram
 def _to_compare(report: Report) -> Frame:
     """Return the agent-episodes that may be compared, with a column of their protocol.
 
-    Those of scripted policies are there once for each protocol of their cell.
+    Those of scripted policies are there once for each protocol of their condition.
     """
     table = report.results.table
-    places = zip(table["algorithm"], *(table[name] for name in CELL), strict=True)
+    places = zip(table["algorithm"], *(table[name] for name in CONDITION), strict=True)
     kept: Frame = table[[place not in report.unlike for place in places]]
     rows = [(*place, protocol) for place, protocol in report.compared.items()]
-    protocols = pd.DataFrame(rows, columns=["algorithm", *CELL, PROTOCOL], dtype=object)
+    protocols = pd.DataFrame(rows, columns=["algorithm", *CONDITION, PROTOCOL], dtype=object)
     is_scripted = kept["training_seed"] == SCRIPTED_SEED
-    learnt = kept[~is_scripted].merge(protocols, on=["algorithm", *CELL])
-    beside = protocols[[*CELL, PROTOCOL]].drop_duplicates()
-    return pd.concat([learnt, kept[is_scripted].merge(beside, on=[*CELL])], ignore_index=True)
+    learnt = kept[~is_scripted].merge(protocols, on=["algorithm", *CONDITION])
+    beside = protocols[[*CONDITION, PROTOCOL]].drop_duplicates()
+    return pd.concat([learnt, kept[is_scripted].merge(beside, on=[*CONDITION])], ignore_index=True)
 
 
 def make_report(results: Results) -> Report:
@@ -375,10 +375,10 @@ def make_report(results: Results) -> Report:
     """
     check_one_version(results.runs, str(results.root))
     table, unlike = results.table, unlike_runs(results.runs)
-    values = _with_reasons(measure_cells(table), engine_marks(results.finished) | unlike)
-    report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {}, unlike)
+    values = _with_reasons(measure_conditions(table), engine_marks(results.finished) | unlike)
+    report = Report(results, values, measure_conditions(table, RANKED_BY, ONE_SIDED), {}, unlike)
     compared = _to_compare(report) if len(table) else table
     for mode in report.modes:
-        found = differences(compared, mode, within=(*CELL, PROTOCOL))
+        found = differences(compared, mode, within=(*CONDITION, PROTOCOL))
         report.differences[mode] = with_seed_differences(found, compared, mode)
     return report

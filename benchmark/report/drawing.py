@@ -1,7 +1,6 @@
-"""The page's plots as paths of SVG: curves in a square that the page stretches, radars around (0, 0).
+"""Plots as paths of SVG: curves in a square that the page stretches, radars around (0, 0); shares of bars.
 
-The page has SVG, which takes its colours, width and marks from the page; report.md has PNG, which every
-reader of Markdown shows.
+The page has them inside, and report.md as files beside it.
 """
 
 from __future__ import annotations
@@ -9,26 +8,39 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.metrics import METRICS
+from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.curves import TITLES, points, runs_of, seeds_curve
 from benchmark.report.paper import algorithm_label
-from benchmark.report.radar import axis_label, radius_of
-from benchmark.report.style import colour_number, dash, thousands
-from benchmark.report.summary import THRESHOLDS, Summaries
-from benchmark.statistics import performance_profile
+from benchmark.report.style import look, thousands
+from benchmark.report.summary import Summaries
+from benchmark.report.values import OUTCOMES, Value
+from benchmark.statistics import performance_profile, stratified_interval
+from smarts.types.streams import Purpose, stream
 
 Floats = NDArray[np.float64]
 Ticks = list[tuple[float, str]]
 """Place as a share of the axis from its origin, and text."""
 
+TITLES = {"return": "Return", "completion": "Completion rate", "collision": "Collision rate"}
+"""Column of progress.csv -> title of its plot, one below the other."""
+POINTS = 120
+"""Number of points of a curve: as fine as can be seen."""
+SHORT = {"completion_rate": "Goal", "collision_rate": "Collision"}
+"""Names of the outcomes that the two rates are of."""
+WHOLE = 0.99
+"""Shares below add up to less than all outcomes."""
 SIDE, RADIUS = 1000, 120
 """Width of the square of curves; radius of a radar's outer ring."""
 MARGIN, LINE, SIGN = 11, 15, 6.8
 """Distance of a radar's labels from the ring, height of their lines, width of a sign."""
+THRESHOLDS = np.linspace(0.0, 1.0, 101)
+"""Completion rates at which performance profiles are drawn."""
 LEAST_TICKS = 3
 """Least number of ticks between ends that are round."""
 
@@ -57,9 +69,7 @@ class Panel:
 def series_of(report: Report) -> dict[str, Series]:
     """Return how each learning algorithm is shown."""
     every = report.algorithms
-    return {
-        name: Series(colour_number(name, every), dash(name, every), algorithm_label(name)) for name in every
-    }
+    return {name: Series(*look(name, every), algorithm_label(name)) for name in every}
 
 
 def curves(report: Report, task: str, traffic: str, column: str) -> Panel | None:
@@ -69,7 +79,7 @@ def curves(report: Report, task: str, traffic: str, column: str) -> Panel | None
         report: Report with the runs.
         task: Task of the condition.
         traffic: Traffic of the condition.
-        column: Column of progress.csv, one of `benchmark.report.curves.TITLES`.
+        column: Column of progress.csv, one of `benchmark.report.drawing.TITLES`.
     """
     runs = {name: runs_of(report, name, task, traffic) for name in report.algorithms}
     lines = {name: line for name, each in runs.items() if len((line := seeds_curve(each, column))[0])}
@@ -81,16 +91,16 @@ def curves(report: Report, task: str, traffic: str, column: str) -> Panel | None
     most = max(steps[-1] for steps, _ in lines.values())
     drawn = []
     for name, (steps, rows) in lines.items():
-        places = [_places(steps, row, most, ends) for row in (rows.mean(axis=0), *rows)]
-        band = [_places(steps, row, most, ends) for row in (np.fmin.reduce(rows), np.fmax.reduce(rows))]
-        several = len(rows) > 1
+        mean, *seeds = (path(_places(steps, row, most, ends), 0) for row in (rows.mean(axis=0), *rows))
+        marks = _places(dots[name][0], dots[name][1], most, ends)
+        is_one = len(rows) == 1
         drawn.append(
             (
                 series_of(report)[name],
-                path(places[0], 0),
-                "".join(path(each, 0) for each in places[1:]) if several else "",
-                path(np.append(band[0], band[1][::-1], axis=0), 0) if several else "",
-                "".join(f"M{x:.0f} {y:.0f}h0" for x, y in _places(dots[name][0], dots[name][1], most, ends)),
+                mean,
+                "" if is_one else "".join(seeds),
+                "" if is_one else _band(steps, np.fmin.reduce(rows), np.fmax.reduce(rows), most, ends),
+                "".join(f"M{x:.0f} {y:.0f}h0" for x, y in marks),
             )
         )
     across = [(tick / most, thousands(tick)) for tick in ticks(0.0, most)]
@@ -100,12 +110,21 @@ def curves(report: Report, task: str, traffic: str, column: str) -> Panel | None
 
 def profile(summaries: Summaries, report: Report) -> Panel:
     """Return the performance profile of completion."""
-    drawn = []
+    drawn, ends = [], (0.0, 1.0)
+    shares = partial(performance_profile, thresholds=THRESHOLDS)
     for name, values in summaries.scores["completion"].items():
-        shares = performance_profile(values, THRESHOLDS)
-        drawn.append((series_of(report)[name], path(_places(THRESHOLDS, shares, 1.0, (0, 1)), 0), "", "", ""))
-    rates = [(tick, f"{tick:g}") for tick in ticks(0.0, 1.0)]
+        line, band = path(_places(THRESHOLDS, shares(values), 1.0, ends), 0), ""
+        if len(values) > 1:
+            reach = stratified_interval(shares, stream(0, Purpose.RESAMPLING), values, repeats=500)
+            band = _band(THRESHOLDS, *reach, 1.0, ends)
+        drawn.append((series_of(report)[name], line, "", band, ""))
+    rates = [(tick, f"{tick:g}") for tick in ticks(*ends)]
     return Panel("Share of runs with a higher completion rate", drawn, rates, rates)
+
+
+def axes_of_radar() -> list[str]:
+    """Return the metrics that are axes of the paper's radars."""
+    return [name for name in METRICS if METRICS[name].is_axis]
 
 
 def radar(report: Report, task: str, traffic: str, names: Sequence[str]) -> list[tuple[Series, str]]:
@@ -120,7 +139,7 @@ def radar(report: Report, task: str, traffic: str, names: Sequence[str]) -> list
     drawn = []
     for algorithm, series in series_of(report).items():
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
-        around = RADIUS * np.array([radius_of(value) for value in found])[:, None] * directions(names)
+        around = RADIUS * np.array([_radius_of(value) for value in found])[:, None] * directions(names)
         drawn.append((series, path(np.append(around, around[:1], axis=0), 1)))
     return drawn
 
@@ -135,12 +154,17 @@ def labels(names: Sequence[str]) -> list[tuple[float, float, str, list[str]]]:
     """Return place, anchor and lines of the labels at a radar's axes."""
     found = []
     for (x, y), name in zip(directions(names).tolist(), names, strict=True):
-        text = axis_label(name)
+        text = _axis_label(name)
         lines = text.rsplit(" ", 1) if len(text) > 12 else [text]
         top = (RADIUS + MARGIN) * y + LINE * (0.3 + (len(lines) - 1) * (min(0.0, y) - 0.5) * 0.8)
         anchor = ("end", "middle", "start")[1 + round(x * 1.2)]
         found.append((round((RADIUS + MARGIN) * x, 1), round(top, 1), anchor, lines))
     return found
+
+
+def half_width(names: Sequence[str]) -> float:
+    """Return how far the labels of a radar reach to either side."""
+    return RADIUS + MARGIN + SIGN * max(len(line) for *_, lines in labels(names) for line in lines)
 
 
 def ticks(low: float, high: float) -> list[float]:
@@ -163,3 +187,87 @@ def path(places: Floats, digits: int) -> str:
 def _places(steps: Floats, values: Floats, most: float, ends: tuple[float, float]) -> Floats:
     """Return places in the square, shape (P, 2), whose vertical axis points down."""
     return SIDE * np.stack([steps / most, (ends[1] - values) / (ends[1] - ends[0])], axis=1)
+
+
+def _band(steps: Floats, low: Floats, high: Floats, most: float, ends: tuple[float, float]) -> str:
+    """Return the outline of a band between two lines."""
+    along, back = _places(steps, low, most, ends), _places(steps, high, most, ends)
+    return path(np.append(along, back[::-1], axis=0), 0)
+
+
+def _axis_label(name: str) -> str:
+    """Return what stands at a metric's axis."""
+    text = METRICS[name].label.replace("Control d", "D")
+    return f"1 - {text.lower()}" if METRICS[name].better == "lower" else text
+
+
+def _radius_of(value: Value | None) -> float:
+    """Return where a value is on its axis, 1 minus it if lower is better; NaN where there is none."""
+    if value is None:
+        return math.nan
+    return 1.0 - value.value if METRICS[value.metric].better == "lower" else value.value
+
+
+def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:
+    """Return a column of several runs at common steps.
+
+    Args:
+        runs: Progress of each.
+        column: Column of progress.csv.
+
+    Returns:
+        Agent-steps, shape (P,), and the column of each run there, shape (S, P), NaN where a run has not yet
+        or no longer a value.
+    """
+    known = [each for run in runs if (each := points(run, column)).size]
+    if not known:
+        return np.zeros(0), np.zeros((0, 0))
+    begin, end = min(each[0, 0] for each in known), max(each[0, -1] for each in known)
+    steps = np.linspace(begin, end, POINTS)
+    return steps, np.stack([np.interp(steps, *points, left=np.nan, right=np.nan) for points in known])
+
+
+def runs_of(report: Report, algorithm: str, task: str, traffic: str) -> list[Frame]:
+    """Return the progress of an algorithm's runs in a condition, finished or not."""
+    place = algorithm, task, traffic
+    return [
+        run.progress
+        for run in report.results.runs
+        if (run.algorithm, run.task, run.traffic) == place and run.progress is not None
+    ]
+
+
+def points(run: Frame, column: str) -> Floats:
+    """Return agent-steps and a column where it has a value, shape (2, N)."""
+    steps, values = run["agent_steps"].to_numpy(float), run[column].to_numpy(float)
+    known = np.isfinite(steps) & np.isfinite(values)
+    return np.stack([steps[known], values[known]])
+
+
+def outcome_label(name: str) -> str:
+    """Return the name of a share's outcome."""
+    return SHORT[name] if name in SHORT else METRICS[name].label
+
+
+def shown_outcomes(report: Report) -> list[str]:
+    """Return the outcomes with a share above 0, and the two rates."""
+    rows = report.values
+    seen = set(rows.loc[rows["value"] > 0, "metric"])
+    return [name for name in OUTCOMES if name in seen or name in SHORT]
+
+
+def shares(report: Report, name: str, task: str, traffic: str) -> dict[str, float]:
+    """Return the share of each of `shown_outcomes` in the main mode, 0 where it is not known."""
+    found = {
+        outcome: report.value(name, task, traffic, report.modes[0], outcome)
+        for outcome in shown_outcomes(report)
+    }
+    return {outcome: value.value if value and value.is_known else 0.0 for outcome, value in found.items()}
+
+
+def missing(report: Report, name: str, task: str, traffic: str) -> str:
+    """Return why shares add up to less than all outcomes, "" if they do not."""
+    if sum(shares(report, name, task, traffic).values()) >= WHOLE:
+        return ""
+    is_finished = report.value(name, task, traffic, report.modes[0], "completion_rate") is not None
+    return "not measured" if is_finished else "no finished run"

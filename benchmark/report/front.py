@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.curves import seeds_curve
+from benchmark.report.drawing import seeds_curve
 from benchmark.report.paper import algorithm_label
 from benchmark.report.ranking import RANKED_BY
 from benchmark.report.summary import Summaries

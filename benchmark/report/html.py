@@ -14,11 +14,9 @@ from benchmark.report import (
     drawing,
     figures,
     front,
-    outcomes,
     overview,
     paper,
     provenance,
-    radar,
     summary,
     tables,
     wording,
@@ -30,11 +28,10 @@ from benchmark.report.style import OUTCOME_COLOURS, PALETTE, thousands
 from benchmark.report.summary import Summaries
 from benchmark.report.values import MODES
 
-MODULES = (drawing, figures, front, outcomes, overview, paper, provenance, radar, summary, tables, wording)
-"""Modules of this package whose texts and tables the page's template calls by their names."""
+MODULES = (drawing, figures, front, overview, paper, provenance, summary, tables, wording)
+"""Modules of this package whose texts and tables the templates call by their names."""
 SHOWN_FIRST = ("completion", "collision")
 """Learning curves above the fold."""
-_OWN = {"style": ("page.css",), "script": ("rows.js", "page.js")}
 
 
 @cache
@@ -46,27 +43,40 @@ def _templates() -> Any:
 
 
 def fill(template: str, **content: Any) -> str:
-    """Return a page, with this package's style and script in it."""
+    """Return a page or a picture, with this package's style and script in it."""
     from markupsafe import Markup
 
-    # The one place where text goes into a page unescaped: files of this package.
-    own = {name: "".join(map(_source, files)) for name, files in _OWN.items()}
-    given = {"style": Markup(_colours() + own["style"]), "script": Markup(own["script"])}
-    return _templates().get_template(template).render(**given, **content) + "\n"
+    def source(*files: str) -> Markup:  # the one place where text goes into a page unescaped: of this package
+        return Markup("".join(_templates().loader.get_source(_templates(), file)[0] for file in files))
+
+    lines = {f"c{number}": shade for number, shade in enumerate(PALETTE)}
+    colours = "; ".join(f"--{name}: {shade}" for name, shade in (lines | OUTCOME_COLOURS).items())
+    own = {"colours": Markup(colours), "style": source("plots.css", "page.css")}
+    own |= {"plot_style": source("plots.css"), "script": source("rows.js", "page.js")}
+    return _templates().get_template(template).render(**own, **content) + "\n"
 
 
-def _source(file: str) -> str:
-    return _templates().loader.get_source(_templates(), file)[0]
+def _modules() -> dict[str, Any]:
+    return {module.__name__.rpartition(".")[2]: module for module in MODULES}
 
 
-def _colours() -> str:
-    """Return the plots' colours as variables of CSS, lighter ones of lines where the page is dark."""
-    lines = {f"--c{number}": shade for number, shade in enumerate(PALETTE)}
-    light = lines | {f"--{name}": shade for name, shade in OUTCOME_COLOURS.items()}
-    dark = {name: f"color-mix(in oklab, {shade}, white 30%)" for name, shade in lines.items()}
-    rules = ["; ".join(f"{name}: {shade}" for name, shade in each.items()) for each in (light, dark)]
-    is_dark = "@media screen and (prefers-color-scheme: dark)"
-    return f":root {{ {rules[0]} }}\n{is_dark} {{ :root {{ {rules[1]} }} }}\n"
+def pictures(report: Report, summaries: Summaries) -> dict[str, str]:
+    """Return name of a kind of plot -> its picture of all conditions, an SVG file."""
+    wanted = [(kind, report.columns) for kind in figures.KINDS if report.columns]
+    wanted += [(figures.PROFILE, [()])] if summaries.algorithms else []
+    return {
+        kind.name: fill(
+            "figure.svg.j2",
+            **_modules(),
+            kind=kind,
+            places=places,
+            report=report,
+            summaries=summaries,
+            metrics=PAPER_METRICS if kind.name == "radar_all" else drawing.axes_of_radar(),
+            titles=drawing.TITLES,
+        )
+        for kind, places in wanted
+    }
 
 
 def report_page(
@@ -90,7 +100,7 @@ def report_page(
     learning = {x: [drawing.curves(report, *x, rate) for rate in SHOWN_FIRST] for x in report.columns}
     return fill(
         "report.html.j2",
-        **{module.__name__.rpartition(".")[2]: module for module in MODULES},
+        **_modules(),
         report=report,
         results=report.results,
         names=names,

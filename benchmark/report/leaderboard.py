@@ -1,4 +1,4 @@
-"""Many experiments in one list: ranks in each cell, and a summary over cells."""
+"""Many experiments in one list: ranks in each condition, and a summary over conditions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import string
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -16,7 +17,7 @@ from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame, measured_in
 from benchmark.report.html import fill
-from benchmark.report.paper import algorithm_label, cell_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, condition_label, task_label, traffic_label
 from benchmark.report.protocol import (
     SUBMITTED,
     described,
@@ -24,22 +25,24 @@ from benchmark.report.protocol import (
     differing_trainings,
     protocol_of,
 )
-from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
-from benchmark.report.submissions import Mark, Submitted, marks_of, read_submitted
-from benchmark.report.values import MODES, Value, by_key, measure_cells
+from benchmark.report.ranking import RANKED_BY, Standing, differences, of_condition, ranks
+from benchmark.report.values import MODES, Value, by_key, measure_conditions
 from benchmark.report.wording import COMPARED
-from benchmark.results.files import ResultsError, write_whole
+from benchmark.results.files import read_json, write_whole
 from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, RATES, REFUSED, SEEDS, VERDICTS, Verdict
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
 
+MAY_EXCHANGE = "its vehicles may tell each other what they see"
+"""Remark on an agent at an address, and on an unknown algorithm: neither can be checked from outside."""
 SCRIPTED_PARADIGM, OTHER_PARADIGM = "scripted policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """An algorithm of an experiment in a cell."""
+    """An algorithm of an experiment in a condition."""
 
     protocol: str
     """Letter of its protocol: only those with the same one are ranked among each other."""
@@ -77,25 +80,25 @@ class Place:
         return self.completion, self.collision, *self.own
 
     @property
-    def cell(self) -> str:
-        """Name of the cell."""
-        return cell_label(self.task, self.traffic)
+    def condition(self) -> str:
+        """Name of the condition."""
+        return condition_label(self.task, self.traffic)
 
 
 @dataclass(frozen=True)
 class Summary:
-    """An algorithm of an experiment over all cells."""
+    """An algorithm of an experiment over all conditions."""
 
     protocol: str
     experiment: str
     algorithm: str
     paradigm: str
     completion: float
-    """Interquartile mean over cells."""
+    """Interquartile mean over conditions."""
     collision: float
-    cells: int
-    most_cells: int
-    """The most cells of an entry under the protocol; means over fewer are not comparable."""
+    conditions: int
+    most_conditions: int
+    """The most conditions of an entry under the protocol; means over fewer are not comparable."""
 
     @property
     def label(self) -> str:
@@ -131,9 +134,9 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
         mode: Way of acting.
 
     Raises:
-        ResultsError: One is not there, or is given twice.
+        ResultsError: One is not there.
     """
-    _check_distinct(roots)
+    roots = [*{root.resolve(): root for root in roots}.values()]
     names = _names(roots)
     experiments: dict[str, Results] = {}
     submitted: list[Submitted] = []
@@ -175,14 +178,6 @@ def paradigm_of(algorithm: str, is_scripted: bool) -> str:
     return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER_PARADIGM
 
 
-def _check_distinct(roots: Sequence[Path]) -> None:
-    seen: set[Path] = set()
-    for root in roots:
-        if root.resolve() in seen:
-            raise ResultsError("is given twice", place=str(root), remedy="name each experiment once")
-        seen.add(root.resolve())
-
-
 def _names(roots: Sequence[Path]) -> list[str]:
     """Return a name for each experiment: its folder's, or more of its path where that is another's, too."""
     names = [root.resolve().name for root in roots]
@@ -220,7 +215,7 @@ def _places(
 ) -> list[Place]:
     """Return the places under one protocol."""
     table = table[table["mode"].isin([mode, SCRIPTED])]
-    values = by_key(measure_cells(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
+    values = by_key(measure_conditions(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
     differing = differences(table, mode, column="entry")
     scripted = set(table.loc[table["is_scripted"], "entry"])
     found: dict[tuple[str, str], dict[str, list[Value]]] = {}
@@ -233,7 +228,7 @@ def _places(
         known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
         apart = scripted | {entry for entry, mark in known.items() if mark and not mark.is_ranked}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
-        standings = ranks(of_cell(differing, task, traffic), ranked) if len(ranked) > 1 else {}
+        standings = ranks(of_condition(differing, task, traffic), ranked) if len(ranked) > 1 else {}
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             standing, mark = standings.get(entry), known[entry]
@@ -272,12 +267,12 @@ def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:
     entries = dict.fromkeys((place.experiment, place.algorithm, place.paradigm) for place in own)
     found = []
     for experiment, algorithm, paradigm in entries:
-        cells = [place for place in own if (place.experiment, place.algorithm) == (experiment, algorithm)]
+        shown = [place for place in own if (place.experiment, place.algorithm) == (experiment, algorithm)]
         means = [
-            interquartile_mean([getattr(place, name).value for place in cells])
+            interquartile_mean([getattr(place, name).value for place in shown])
             for name in ("completion", "collision")
         ]
-        found.append(Summary(letter, experiment, algorithm, paradigm, means[0], means[1], len(cells), most))
+        found.append(Summary(letter, experiment, algorithm, paradigm, means[0], means[1], len(shown), most))
     return sorted(found, key=lambda each: (-each.completion, each.collision))
 
 
@@ -300,7 +295,7 @@ def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
     """Write the leaderboard of several experiments.
 
     Raises:
-        ResultsError: One is not there or given twice, or the page cannot be written.
+        ResultsError: One is not there, or the page cannot be written.
     """
     page = leaderboard_page(make_leaderboard(roots, mode))
     write_whole(out, lambda file: file.write_text(page, encoding="utf-8"))
@@ -327,3 +322,76 @@ def leaderboard_page(board: Leaderboard) -> str:
         rates=[METRICS[name] for name in RANKED_BY],
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )
+
+
+class Submitted(Verdict):
+    """A policy of a submission after its evaluation."""
+
+    experiment: str
+    """Folder of its results."""
+
+    @property
+    def label(self) -> str:
+        """Name of the algorithm."""
+        return algorithm_label(self.algorithm)
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Folder, algorithm, task and traffic."""
+        return self.experiment, self.algorithm, self.task, self.traffic
+
+    @property
+    def condition(self) -> str:
+        """Label of task and traffic."""
+        return condition_label(self.task, self.traffic)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is wrong with the policy, and what cannot be checked."""
+        is_open = self.agent.startswith(ADDRESS) or self.algorithm not in ALGORITHMS
+        return [*self.reasons, MAY_EXCHANGE] if is_open else [*self.reasons]
+
+    @property
+    def rates(self) -> Iterator[tuple[str, str]]:
+        """Completion and collision rate, as claimed and as re-derived."""
+        for name in RATES:
+            given = self.claimed.get(name), self.scores.get(name)
+            claimed, derived = ("-" if value is None else f"{value:.3f}" for value in given)
+            yield claimed, derived
+
+
+def read_submitted(root: Path, experiment: str) -> list[Submitted]:
+    """Return the policies of a folder that `smarts-bench verify` has written; none of any other folder.
+
+    Args:
+        root: The folder.
+        experiment: Its name.
+    """
+    said = read_json(root / VERDICTS)["verdicts"] if (root / VERDICTS).exists() else []
+    return [Submitted(**each, experiment=experiment) for each in said]
+
+
+class Mark(NamedTuple):
+    """What is known of an algorithm of a submission in a condition."""
+
+    status: str
+    """The worst of its seeds."""
+    knows_test: bool
+    seeds: int
+    """Number of its policies."""
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether it can have a rank: seeds that were left out cannot be seen otherwise."""
+        return self.seeds >= SEEDS and not self.knows_test
+
+
+def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], Mark]:
+    """Return the marks by folder, algorithm, task and traffic."""
+    order = (CONFIRMED, MARKED, REFUSED)
+    found: dict[tuple[str, str, str, str], Mark] = {}
+    for each in submitted:
+        before = found.get(each.key, Mark(CONFIRMED, knows_test=False, seeds=0))
+        worst = max(before.status, each.status, key=order.index)
+        found[each.key] = Mark(worst, before.knows_test or each.knows_test, before.seeds + 1)
+    return found

@@ -1,4 +1,4 @@
-"""The report as Markdown, its plots as PNG files beside it."""
+"""The report as Markdown, its plots as SVG files beside it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from benchmark.metrics import METRICS
 from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
-from benchmark.report.figures import KINDS, note_of
-from benchmark.report.paper import algorithm_label, cell_label, task_differences
+from benchmark.report.figures import KINDS, PROFILE, note_of
+from benchmark.report.paper import algorithm_label, condition_label, task_differences
 from benchmark.report.robustness import TITLE, Entry, Robustness
-from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, PROFILE, PROFILE_NOTE, Summaries
+from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, Summaries
 
 HTML = re.compile(r"<(?!br>)(?=[A-Za-z/!?])|&(?=#?\w+;)")
 """Begins a tag or an entity; `<br>` is the only tag of this page."""
@@ -29,7 +29,7 @@ def report_text(
 
     Args:
         report: What it says.
-        summaries: Over its cells.
+        summaries: Over its conditions.
         pictures: Names of the kinds of plots that lie beside it.
         links: Links to recorded test episodes.
         robustness: What was played beside the tests.
@@ -53,13 +53,13 @@ def report_text(
     if lines:
         parts += ["## Overview", overview.note(report), table([*overview.COLUMNS], lines, left=3)]
     if summaries.algorithms:
-        parts += ["## Summary over cells", summaries.note, table([*COLUMNS], summaries.mean_rows())]
+        parts += ["## Summary over conditions", summaries.note, table([*COLUMNS], summaries.mean_rows())]
         parts += [table([*IMPROVEMENT_COLUMNS], summaries.improvement_rows(), left=2)]
-        parts += [f"![Performance profile]({PROFILE}.png)", PROFILE_NOTE]
+        parts += [f"![{PROFILE.title}]({PROFILE.name}.svg)", PROFILE.note]
     there = set(pictures)
     for kind in KINDS:
         if kind.name in there:
-            parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", note_of(kind, report)]
+            parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.svg)", note_of(kind, report)]
     parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
     if robustness.is_there:
         parts += [f"## {TITLE}", *_robustness(robustness)]
@@ -97,7 +97,7 @@ def _escaped(text: str) -> str:
 
 def _main_table(report: Report, mode: str) -> str:
     columns = report.columns
-    titles = ["Algorithm", *(cell_label(task, traffic) for task, traffic in columns)]
+    titles = ["Algorithm", *(condition_label(task, traffic) for task, traffic in columns)]
     rows = []
     for row in report.main_table(mode):
         name = algorithm_label(row.algorithm) + (" (scripted)" if row.is_scripted else "")
@@ -117,7 +117,7 @@ def _cell(cell: TableCell) -> str:
 
 
 def _metrics(report: Report) -> list[str]:
-    """Return a table for each cell: a row for each metric, since pages are narrow."""
+    """Return a table for each condition: a row for each metric, since pages are narrow."""
     rows, notes = tables.metrics_table(report)
     parts = []
     for task, traffic in report.columns:
@@ -129,7 +129,7 @@ def _metrics(report: Report) -> list[str]:
         for number, metric in enumerate(report.metrics):
             cells = [row.cells[number] for row in own]
             lines.append([tables.metric_title(metric), *map(_entry, cells)])
-        parts.append(f"### {cell_label(task, traffic)}")
+        parts.append(f"### {condition_label(task, traffic)}")
         parts.append(table(["Metric", *(row.label for row in own)], lines))
     parts.append("\n".join(f"{number}. {note}" for number, note in enumerate(notes, start=1)))
     return parts

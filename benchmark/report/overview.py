@@ -1,4 +1,4 @@
-"""A line for each algorithm and cell: both ways of acting, distance to rules, worst held-out variation."""
+"""A line for each algorithm and condition: ways of acting, distance to rules, worst held-out variation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ COLUMNS = {
     "task": "What is driven",
     "traffic": "Social vehicles on the road",
     "algorithm": "Or the rule-based policy",
-    "rank": "Among the learning algorithms of the cell",
+    "rank": "Among the learning algorithms of the condition",
     "seeds": "Training seeds",
     "greedy": "Collision rate / completion rate of the most probable actions",
     "sampled": "Collision rate / completion rate of drawn actions",
@@ -40,7 +40,7 @@ def note(report: Report) -> str:
 
 
 def overview_rows(report: Report) -> list[list[str]]:
-    """Return a row for each algorithm, and the rule-based policy, that has finished a cell."""
+    """Return a row for each algorithm, and the rule-based policy, that has finished a condition."""
     main, others = report.modes[0], {mode: _by_place(report, mode) for mode in report.modes}
     rows = []
     for task, traffic in report.columns:

@@ -16,7 +16,7 @@ PLACES: tuple[Literal["appendix", "main_text"], ...] = ("appendix", "main_text")
 
 @dataclass(frozen=True)
 class Printed:
-    """A cell of one of the paper's two tables."""
+    """A condition of one of the paper's two tables."""
 
     collision: float
     completion: float
@@ -32,7 +32,7 @@ def paper() -> dict[str, Any]:
 
 
 def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
-    """Return what the paper prints for a cell: nothing, one pair, or two where its two tables differ.
+    """Return what the paper prints for a condition: nothing, one pair, or two where its two tables differ.
 
     A task of version 1 is compared with its counterpart.
     """
@@ -46,7 +46,7 @@ def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
 
 
 def misprint(algorithm: str, task: str, traffic: str) -> str:
-    """Return why a cell of the paper looks like a misprint, "" if it does not."""
+    """Return why a condition of the paper looks like a misprint, "" if it does not."""
     return paper()["misprints"].get(traffic, {}).get(counterpart(task), {}).get(algorithm, "")
 
 
@@ -77,8 +77,8 @@ def task_label(name: str) -> str:
     return {**paper()["tasks"], **counterparts}.get(name, name.replace("_", " ").capitalize())
 
 
-def cell_label(task: str, traffic: str) -> str:
-    """Return the name of a cell: of its task and its traffic."""
+def condition_label(task: str, traffic: str) -> str:
+    """Return the name of a condition: of its task and its traffic."""
     return f"{task_label(task)}, {traffic_label(traffic)}"
 
 

@@ -22,18 +22,18 @@ apart anyway."""
 SUBMITTED = "as submitted"
 """Budget and sharing of evaluated submissions, which are ranked among each other."""
 PRESCRIBED = "of the version"
-"""Budget and sharing as the benchmark's version prescribes them, which may differ by cell and algorithm."""
+"""Budget and sharing as the version prescribes them, which may differ by condition and algorithm."""
 OWN_SHARING = "each algorithm's own"
 """Sharing of parameters between agents where the settings do not say which."""
 SEEDS_DIFFER, SCENARIOS_DIFFER = "seeds were not trained alike", "scenarios differ between runs"
-"""Why a cell of the main table does not count."""
+"""Why a condition of the main table does not count."""
 
 
 def protocol_of(run: RunResult, results: Results) -> str:
     """Return what a run was made under, as a text that is equal if and only if the protocol is.
 
-    A scripted policy is tested in the environment of the experiment's runs in the same cell. It has neither
-    budget nor parameters, so without such runs these are as the version prescribes them.
+    A scripted policy is tested in the environment of the experiment's runs in the same condition. It has
+    neither budget nor parameters, so without such runs these are as the version prescribes them.
     """
     config = run.config
     if SUBMISSION in run.facts:  # how it was trained is not known here
@@ -60,7 +60,7 @@ def protocol_of(run: RunResult, results: Results) -> str:
 
 
 def differing_scenarios(runs: Iterable[tuple[RunResult, str]]) -> list[str]:
-    """Return a sentence for each scenario that was not the same in all finished runs of a cell.
+    """Return a sentence for each scenario that was not the same in all finished runs of a condition.
 
     Runs that have not recorded what theirs were are left out.
 
@@ -94,7 +94,7 @@ def _without_places(scenarios: Sequence[str]) -> list[str]:
 
 
 def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]:
-    """Return a sentence for each seed of an experiment that was not trained like the first of its cell.
+    """Return a sentence for each seed of an experiment that was not trained like the first of its condition.
 
     Args:
         runs: Runs of one experiment; unfinished ones are ignored.
@@ -108,7 +108,7 @@ def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]
 
 
 def _differing_seeds(runs: Iterable[RunResult]) -> Iterator[tuple[RunResult, RunResult, str]]:
-    """Yield the first run of a cell, one that was not trained like it, and what differs."""
+    """Yield the first run of a condition, one that was not trained like it, and what differs."""
     cells: dict[tuple[str, str, str], list[RunResult]] = {}
     for run in runs:
         if run.table is not None and run.config and not run.is_scripted and SUBMISSION not in run.facts:

@@ -172,7 +172,7 @@ def _finished(name: str, runs: Sequence[RunResult]) -> str:
 
 
 def gaps(results: Results) -> list[tuple[str, str]]:
-    """Return name and reason of all that is missing: runs, files, episodes; a line for a cell's seeds."""
+    """Return name and reason of what is missing: runs, files, episodes; a line for a condition's seeds."""
     by_cell: dict[tuple[str, str, str, str], list[int]] = {}
     for run in results.unfinished:
         reason = "not begun" if run.status == NOT_BEGUN else f"not finished: {run.status}"

@@ -1,4 +1,4 @@
-"""Comparisons of algorithms in a cell, and their ranks."""
+"""Comparisons of algorithms in a condition, and their ranks."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from benchmark.statistics import LEVEL, holm
 
 RANKED_BY = ("completion_rate", "collision_rate")
 """The second one decides where the first is a tie."""
-CELL = ("task", "task_traffic")
-"""Columns of a table of agent-episodes that make a cell."""
+CONDITION = ("task", "task_traffic")
+"""Columns of a table of agent-episodes that make a condition."""
 COLUMNS = (
-    *CELL,
+    *CONDITION,
     *("metric", "first", "second", "value", "low", "high", "p_value", "pairs", "corrected", "wins", "note"),
 )
 
@@ -42,19 +42,19 @@ def differences(
     mode: str,
     metrics: Sequence[str] = RANKED_BY,
     column: str = "algorithm",
-    within: Sequence[str] = CELL,
+    within: Sequence[str] = CONDITION,
 ) -> Frame:
-    """Return differences at equal starts in every cell.
+    """Return differences at equal starts in every condition.
 
-    P-values are corrected after Holm over the table: all cells, metrics and pairs of learning algorithms;
-    scripted policies against learning algorithms are a family of their own.
+    P-values are corrected after Holm over the table: all conditions, metrics and pairs of learning
+    algorithms; scripted policies against learning algorithms are a family of their own.
 
     Args:
         table: Agent-episodes of several algorithms.
         mode: Way of acting.
         metrics: Names.
         column: Name of the algorithm column.
-        within: Columns whose values pairs have in common; those of the cell are among them.
+        within: Columns whose values pairs have in common; those of the condition are among them.
 
     Returns:
         Of `benchmark.metrics.compare`, with `COLUMNS`.
@@ -67,7 +67,7 @@ def differences(
 
 
 def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Standing]:
-    """Return how entries stand in one cell; a rank is one more than the number of those that are better.
+    """Return how entries stand in one condition; a rank is one more than the number of those that are better.
 
     One is better than another by its completion rate, or by its collision rate where completion is a tie. So
     entries between which nothing is decided, and than which the same others are better, have the same rank.
@@ -107,8 +107,8 @@ def _decided(
     return found
 
 
-def of_cell(differing: Frame, task: str, traffic: str) -> Frame:
-    """Return the differences in one cell."""
+def of_condition(differing: Frame, task: str, traffic: str) -> Frame:
+    """Return the differences in one condition."""
     return differing[(differing["task"] == task) & (differing["task_traffic"] == traffic)]
 
 

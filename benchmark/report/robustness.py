@@ -14,7 +14,7 @@ from benchmark.metrics import METRICS, compare, compute
 from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label, cell_label
+from benchmark.report.paper import algorithm_label, condition_label
 from benchmark.results.release import RATES
 from benchmark.results.robustness import CONDITION, PARTNER, Played, read_played, reference_rows
 from benchmark.statistics import holm
@@ -22,10 +22,10 @@ from benchmark.statistics import holm
 TITLE = "Cross-play and robustness"
 NOTE = (
     "Nothing was trained further: the last checkpoints act greedily in the first test episodes, at equal "
-    "starts in equal traffic. A cell is the collision / completion rate of the row's policy alone, with 95% "
-    "intervals of these checkpoints. Below it: what is better or worse than in the policy's own test, paired "
-    "at equal starts; p-values are corrected after Holm over cells, policies and both rates, those of means "
-    "over partners (XP) in a family of their own."
+    "starts in equal traffic. An entry is the collision / completion rate of the row's policy alone, with "
+    "95% intervals. Below it: what is better or worse than in the policy's own test, paired at equal "
+    "starts; p-values are corrected after Holm over tasks, policies and both rates, those of means over "
+    "partners (XP) in a family of their own."
 )
 CROSS_PLAY = (
     "Cross-play: the policy drives every second agent and the column's partner the others, in both "
@@ -59,7 +59,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Matrix:
-    """A table of a cell of the experiment."""
+    """A table of a task of the experiment."""
 
     title: str
     columns: tuple[str, ...]
@@ -96,7 +96,7 @@ def robustness_of(report: Report) -> Robustness:
 
 
 def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
-    """Yield a row for each cell, policy, partner or condition, and rate."""
+    """Yield a row for each task, policy, partner or condition, and rate."""
     table: Frame = played.table
     seed = played.facts[0]["training_seed"]
     for (task, traffic), cell in table.groupby(["task", "task_traffic"], sort=True):
@@ -194,7 +194,7 @@ def _matrices(report: Report, values: Frame, needing: set[str]) -> Iterator[Matr
                 )
                 for policy in policies
             ]
-            title = f"{cell_label(task, traffic)}: {titles[kind]}"
+            title = f"{condition_label(task, traffic)}: {titles[kind]}"
             yield Matrix(title, tuple(map(_label, columns)), tuple(rows))
 
 
@@ -240,7 +240,7 @@ def _notes(played: Played, values: Frame, needing: set[str]) -> Iterator[str]:
             counts = dict(zip(map(algorithm_label, cell["policy"]), cell["note"], strict=True))
             if len({*counts.values()}) > 1:
                 said = "; ".join(f"{policy}: {note}" for policy, note in counts.items())
-                yield f"{cell_label(task, traffic)}: XP is not of equally many partners: {said}."
+                yield f"{condition_label(task, traffic)}: XP is not of equally many partners: {said}."
     there = [each for name, each in conditions().items() if (values["with"] == name).any()]
     if there:
         said = "; ".join(f"{each.label}: {each.meaning[0].lower()}{each.meaning[1:]}" for each in there)
@@ -248,6 +248,6 @@ def _notes(played: Played, values: Frame, needing: set[str]) -> Iterator[str]:
     seed, counts = played.facts[0]["training_seed"], sorted({facts["episodes"] for facts in played.facts})
     commits = sorted({str(facts.get("commit")) for facts in played.facts})
     yield (
-        f"Policies of training seed {seed}; {' or '.join(map(str, counts))} episodes in each cell and "
+        f"Policies of training seed {seed}; {' or '.join(map(str, counts))} episodes in each task and "
         f"arrangement; played at commit {', '.join(commits)}."
     )

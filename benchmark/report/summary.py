@@ -1,6 +1,6 @@
-"""Summaries over cells: interquartile mean, performance profile, probability of improvement.
+"""Summaries over conditions: interquartile mean, performance profile, probability of improvement.
 
-The unit is a training seed in a cell; its scores are its completion and its non-collision rate.
+The unit is a training seed in a condition; its scores are its completion and its non-collision rate.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,9 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label, cell_label
-from benchmark.report.style import TEXT, line, new_figure, png
+from benchmark.report.paper import algorithm_label, condition_label
 from benchmark.statistics import (
     interquartile_mean,
-    performance_profile,
     probability_of_improvement,
     stratified_interval,
 )
@@ -30,29 +27,23 @@ Floats = NDArray[np.float64]
 
 SCORES = {"completion": ("goals", False), "no collision": ("collisions", True)}
 """Score -> its column of counts, and whether it is 1 minus their share."""
-PROFILE = "performance_profile"
-"""Name of its file."""
-THRESHOLDS = np.linspace(0.0, 1.0, 101)
 COLUMNS = {
-    "algorithm": "Of all cells of the table",
-    "IQM of completion": "Interquartile mean over training seeds and cells",
+    "algorithm": "Of all conditions of the table",
+    "IQM of completion": "Interquartile mean over training seeds and conditions",
     "IQM of no collision": "Of 1 - collision rate",
-    "seeds x cells": "How many scores there are",
+    "seeds x conditions": "How many scores there are",
 }
 IMPROVEMENT_COLUMNS = {
     "first": "X",
     "second": "Y",
-    "P(X > Y)": "That a training seed of X completes more in a cell than one of Y, mean over cells",
+    "P(X > Y)": "That a training seed of X completes more in a condition than one of Y, mean over conditions",
 }
 NOTE = (
-    "Over all cells, of the training seeds that an algorithm has finished in each of them. "
-    "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
-    "al., 2021). With two seeds a cell has three distinct resamples, with three it has ten: such intervals "
-    "are too narrow, and of no width where seeds agree; with one seed there is none. IQM: interquartile mean."
-)
-PROFILE_NOTE = (
-    "Share of training seeds and cells with a completion rate above a threshold; band: 95%, "
-    "pointwise, of 500 resamples."
+    "Over all conditions, of the training seeds that an algorithm has finished in each of them. "
+    "95% intervals: 2,000 resamples of training seeds within each condition (rliable's definitions, Agarwal "
+    "et al., 2021). With two seeds a condition has three distinct resamples, with three it has ten: such "
+    "intervals are too narrow, and of no width where seeds agree; with one seed there is none. IQM: "
+    "interquartile mean."
 )
 
 
@@ -61,13 +52,11 @@ class Summaries:
     """Scores of the algorithms that have finished all conditions with the same seeds, by such seeds."""
 
     scores: dict[str, dict[str, Floats]]
-    """Score -> algorithm -> values, shape (seeds, cells)."""
-    among: Sequence[str] = ()
-    """All algorithms of the report, by which colours are chosen."""
+    """Score -> algorithm -> values, shape (seeds, conditions)."""
     apart: Sequence[tuple[str, str]] = ()
-    """Pairs of algorithms that have different protocols in a cell."""
+    """Pairs of algorithms that have different protocols in a condition."""
     left_out: Sequence[str] = ()
-    """Algorithms with runs that must not be averaged or compared, each with cell and reason."""
+    """Algorithms with runs that must not be averaged or compared, each with condition and reason."""
 
     @property
     def algorithms(self) -> list[str]:
@@ -114,7 +103,7 @@ def summaries_of(report: Report) -> Summaries:
     )
     found: dict[str, dict[str, Floats]] = {score: {} for score in SCORES}
     left_out = [
-        f"{algorithm_label(name)} ({cell_label(task, traffic)}: {reason})"
+        f"{algorithm_label(name)} ({condition_label(task, traffic)}: {reason})"
         for (name, task, traffic), reason in report.unlike.items()
         if name in report.algorithms
     ]
@@ -123,7 +112,7 @@ def summaries_of(report: Report) -> Summaries:
         if name in unlike:
             continue
         for score, (column, is_loss) in SCORES.items():
-            values = _by_seed_and_cell(kept[kept["algorithm"] == name], column, report.columns)
+            values = _by_seed_and_condition(kept[kept["algorithm"] == name], column, report.columns)
             if values is not None:
                 found[score][name] = 1.0 - values if is_loss else values
     apart = [
@@ -131,11 +120,11 @@ def summaries_of(report: Report) -> Summaries:
         for first, second in itertools.combinations(found["completion"], 2)
         if any(report.protocols[first, *cell] != report.protocols[second, *cell] for cell in report.columns)
     ]
-    return Summaries(found, report.algorithms, apart, left_out)
+    return Summaries(found, apart, left_out)
 
 
-def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
-    """Return a rate of each seed that has finished all cells, in each of them, shape (S, M), or None."""
+def _by_seed_and_condition(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
+    """Return a rate of each seed that has finished all conditions, in each of them, shape (S, M), or None."""
     sums = (
         rows[~rows["is_invalid"]].groupby(["training_seed", "task", "task_traffic"])[[column, "agents"]].sum()
     )
@@ -150,25 +139,3 @@ def _with_interval(statistic: Any, *scores: Floats) -> str:
         return f"{value:.2f}"
     low, high = stratified_interval(statistic, stream(0, Purpose.RESAMPLING), *scores)
     return f"{value:.2f} [{low:.2f}, {high:.2f}]"
-
-
-def draw_profile(summaries: Summaries) -> bytes:
-    """Return the performance profile of completion, a PNG file."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(TEXT):
-        figure = new_figure(5.2, 3.2)
-        axes = figure.add_subplot()
-        profile = partial(performance_profile, thresholds=THRESHOLDS)
-        for name, values in summaries.scores["completion"].items():
-            how = line(name, summaries.among)
-            axes.plot(THRESHOLDS, profile(values), label=algorithm_label(name), **how)
-            if len(values) > 1:
-                low, high = stratified_interval(profile, stream(0, Purpose.RESAMPLING), values, repeats=500)
-                axes.fill_between(THRESHOLDS, low, high, color=how["color"], alpha=0.12, linewidth=0)
-        axes.set_xlabel("Completion rate")
-        axes.set_ylabel("Share of runs above it")
-        axes.set_xlim(0.0, 1.0)
-        axes.set_ylim(0.0, 1.02)
-        axes.legend(frameon=False, fontsize=7)
-        return png(figure)

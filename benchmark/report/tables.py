@@ -36,7 +36,7 @@ DIFFERENCE_COLUMNS = {
     "difference": "First minus second",
     "95% interval": "Of the difference, before correction",
     "p": "Two-sided, that there is no difference between these checkpoints",
-    "corrected p": "After Holm over all cells, metrics and pairs of the table",
+    "corrected p": "After Holm over all conditions, metrics and pairs of the table",
     "seeds": "Training seeds of the first and the second, - for a scripted policy",
     "interval, seeds": "Of the difference, with training seeds as the unit; three or more of each",
     "corrected p, seeds": "The same, after Holm over all that have one",
@@ -61,7 +61,7 @@ class MetricCell:
 
 @dataclass(frozen=True)
 class MetricsRow:
-    """An algorithm in a cell and a mode."""
+    """An algorithm in a condition and a mode."""
 
     algorithm: str
     task: str
@@ -115,7 +115,7 @@ def _entry(
 
 
 def generalization_rows(report: Report) -> list[list[str]]:
-    """Return a row for each algorithm and cell in which held-out variations were played."""
+    """Return a row for each algorithm and condition in which held-out variations were played."""
     rows = []
     for name, task, traffic, found in report.generalization():
         pairs = ("train_completion", "held_out_completion", "train_non_collision", "held_out_non_collision")
@@ -136,7 +136,7 @@ def generalization_rows(report: Report) -> list[list[str]]:
 
 
 def difference_rows(report: Report) -> list[list[str]]:
-    """Return a row for each decided pair, cell and metric of the main mode."""
+    """Return a row for each decided pair, condition and metric of the main mode."""
     return [row for row in _differences(report) if row[-1]]
 
 

@@ -1,11 +1,11 @@
-"""Whether a cell with social vehicles is one: they make naive driving collide, and the agents meet them."""
+"""Whether social vehicles matter in a condition: naive driving collides with them, and agents meet them."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from benchmark.experiment.config import EMPTY_ROADS
+from benchmark.experiment.models import EMPTY_ROADS
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import EPISODE_KEYS
 from benchmark.results.reading import Results, RunResult
@@ -26,7 +26,7 @@ ENDS = ("off_road", "off_route", "missed_goal", "not_moving", "time_out")
 
 @dataclass(frozen=True)
 class TrafficCheck:
-    """Verdict on one cell with social vehicles."""
+    """Verdict on one condition with social vehicles."""
 
     task: str
     traffic: str
@@ -66,7 +66,7 @@ class TrafficCheck:
 
 
 def traffic_checks(results: Results) -> list[TrafficCheck]:
-    """Return the check of each cell with social vehicles that has a scripted policy, played yet or not."""
+    """Return the check of each condition with social vehicles and a scripted policy, played yet or not."""
     tables = _tables(results)
     cells = dict.fromkeys(
         (run.task, run.traffic) for run in results.runs if run.is_scripted and run.traffic != EMPTY_ROADS

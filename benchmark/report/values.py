@@ -1,4 +1,4 @@
-"""The value of every metric in every cell: the one table from which all pages are made."""
+"""The value of every metric in every condition: the one table from which all pages are made."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Value:
-    """A metric in a cell."""
+    """A metric in a condition."""
 
     metric: str
     value: float
@@ -107,8 +107,8 @@ Key = tuple[str, str, str, str, str]
 """Algorithm, task, traffic, mode, metric."""
 
 
-def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVEL) -> Frame:
-    """Return a row for each algorithm, cell, mode and metric, with `COLUMNS`.
+def measure_conditions(table: Frame, metrics: Sequence[str] = (), level: float = LEVEL) -> Frame:
+    """Return a row for each algorithm, condition, mode and metric, with `COLUMNS`.
 
     Args:
         table: Agent-episodes of all runs.
@@ -174,7 +174,7 @@ def p_text(value: float) -> str:
 
 
 def by_key(rows: Frame) -> dict[Key, Value]:
-    """Return the values of `measure_cells` by algorithm, task, traffic, mode and metric."""
+    """Return the values of `measure_conditions` by algorithm, task, traffic, mode and metric."""
     found: dict[Key, Value] = {}
     records: list[dict[str, Any]] = rows.to_dict("records")
     for row in records:

@@ -9,7 +9,7 @@ from benchmark.experiment.runs import SCRIPTED, with_defaults
 from benchmark.experiment.version import ENVIRONMENT, versions
 from benchmark.report.against_paper import NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
-from benchmark.report.paper import Printed, algorithm_label, cell_label, counterpart, impossible_sum
+from benchmark.report.paper import Printed, algorithm_label, condition_label, counterpart, impossible_sum
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, engine_marks
 from benchmark.results.plurals import counted
 from benchmark.results.versions import version_lines
@@ -35,18 +35,19 @@ COMPARED = (
     "its training seeds, paired with the other's, by Student's t. It does not cover further "
     "training seeds. Beside it, where both have three or more, stands the difference with training seeds as "
     "the unit (Welch's t; at least as wide as the other interval): three seeds prove little. P-values are "
-    "corrected after Holm over all cells, metrics and pairs of learning algorithms of the table; scripted "
-    "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
-    "compared: fewer than two common starts."
+    "corrected after Holm over all conditions, metrics and pairs of learning algorithms of the table; "
+    "scripted policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. "
+    "Not compared: fewer than two common starts."
 )
 AGAINST_PAPER = (
     "Against the paper: d is ours minus the paper's; its interval (MOVER) has the uncertainty of both, the "
     "paper's by Wilson's at 20 trials (40 agent-episodes / a design effect of 2). Better: the two-sided 95% "
     "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
-    "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
-    "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
-    "or in which ours passes and that is not known; cells with social vehicles that hardly differ from those "
-    "without; figures that look like misprints; runs that must not be averaged or compared."
+    "two-sided interval is on the wrong side of 0. Else undecided. A condition has the weaker word of its "
+    "two figures. Not counted: conditions that random, keep-lane or parked driving passes (better or "
+    "non-inferior), or in which ours passes and that is not known; conditions with social vehicles that "
+    "hardly differ from those without; figures that look like misprints; runs that must not be averaged or "
+    "compared."
 )
 COUNTERPARTS = (
     "The tasks of version 1 are not the paper's, whose figures stand beside them: agents meet slow vehicles "
@@ -86,12 +87,12 @@ def printed_text(cells: tuple[Printed, ...]) -> str:
 
 
 def mark(cell: TableCell) -> str:
-    """Return how a cell compares with the paper's; empty if one of the two has no figures."""
+    """Return how a condition compares with the paper's; empty if one of the two has no figures."""
     return cell.comparison.word if cell.comparison else ""
 
 
 def not_counted(cell: TableCell) -> str:
-    """Return why the paper's cell does not count, and what else is odd about it; empty if neither."""
+    """Return why the paper's condition does not count, and what else is odd about it; empty if neither."""
     found = ["" if cell.counts else f"not counted: {', '.join(cell.reasons)}", impossible_sum(cell.printed)]
     return "; ".join(filter(None, found))
 
@@ -157,7 +158,7 @@ def standing(report: Report) -> list[str]:
 
 
 def _protocols(report: Report) -> list[str]:
-    """Return in which cells the protocols of algorithms differ, and in what."""
+    """Return in which conditions the protocols of algorithms differ, and in what."""
     said: dict[str, list[str]] = {}
     for column in report.columns:
         entries: dict[str, list[str]] = {}
@@ -167,7 +168,7 @@ def _protocols(report: Report) -> list[str]:
         if len(entries) > 1:
             parts = zip(entries.values(), described([*entries]), strict=True)
             text = "; ".join(f"{', '.join(sorted(names))}: {what}" for names, what in parts)
-            said.setdefault(text, []).append(cell_label(*column))
+            said.setdefault(text, []).append(condition_label(*column))
     return [
         f"Ranks hold within one protocol only, and there are several in {'; '.join(cells)}: {text}."
         for text, cells in said.items()
@@ -175,12 +176,12 @@ def _protocols(report: Report) -> list[str]:
 
 
 def _apart(report: Report) -> list[str]:
-    """Return in which cells no algorithm has a rank, since all were trained for other agent-steps."""
+    """Return in which conditions no algorithm has a rank, since all were trained for other agent-steps."""
     cells = []
     for column in report.columns:
         places = [place for place in report.protocols if place[1:] == column]
         if len(places) > 1 and {*places} <= {*report.other_steps}:
-            cells.append(cell_label(*column))
+            cells.append(condition_label(*column))
     return [f"No ranks, since all trained for different agent-steps: {'; '.join(cells)}."] if cells else []
 
 
@@ -198,12 +199,12 @@ def _environments(report: Report) -> list[str]:
         found, rebuilt = described([json.dumps(each, sort_keys=True) for each in both])
         if found != rebuilt:
             text = f"driven with {found}, where the tasks after the paper have {rebuilt}"
-            said.setdefault(text, []).append(cell_label(run.task, run.traffic))
+            said.setdefault(text, []).append(condition_label(run.task, run.traffic))
     return [f"{'; '.join(dict.fromkeys(cells))}: {text}." for text, cells in said.items()]
 
 
 def _against_paper(report: Report, mode: str) -> list[str]:
-    """Return how many cells have which word, and which do not count."""
+    """Return how many conditions have which word, and which do not count."""
     every = [(row, cell) for row in report.main_table(mode) for cell in row.cells if mark(cell)]
     if not every:
         return []
@@ -211,16 +212,16 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     passed = sum(word in PASSES for word in found)
     words = ", ".join(f"{word} in {found.count(word)}" for word in reversed(WORDS))
     title = MODE_TITLES[mode]
-    share = f"{passed} of {len(found)} cells that count ({words})"
+    share = f"{passed} of {len(found)} conditions that count ({words})"
     lines = [
         f"{title}: better than or {NON_INFERIOR} to the paper in {share}."
         if found
-        else f"{title}: no cell counts against the paper."
+        else f"{title}: no condition counts against the paper."
     ]
     left_out: dict[tuple[str, str], list[str]] = {}
     for row, cell in every:
         if not cell.counts:
-            place = cell_label(cell.task, cell.traffic)
+            place = condition_label(cell.task, cell.traffic)
             named = left_out.setdefault((place, ", ".join(cell.reasons)), [])
             named.append(algorithm_label(row.algorithm))
     if left_out:
@@ -233,12 +234,12 @@ def left_out(report: Report) -> list[str]:
     """Return what is not compared: runs that must not be, and pairs of different protocols."""
     entries: dict[str, list[str]] = {}
     for (name, *cell), reason in report.unlike.items():
-        entries.setdefault(reason, []).append(f"{algorithm_label(name)} in {cell_label(*cell)}")
+        entries.setdefault(reason, []).append(f"{algorithm_label(name)} in {condition_label(*cell)}")
     said = [f"Left out, since {reason}: {'; '.join(names)}." for reason, names in entries.items()]
     cells = []
     for column in report.columns:
         protocols = {protocol for (_, *cell), protocol in report.compared.items() if (*cell,) == column}
-        cells += [cell_label(*column)] if len(protocols) > 1 else []
+        cells += [condition_label(*column)] if len(protocols) > 1 else []
     return said + ([f"Pairs of different protocols are left out in {'; '.join(cells)}."] if cells else [])
 
 

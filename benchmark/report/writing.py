@@ -10,14 +10,14 @@ import pandas as pd
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
 from benchmark.report.episode_pages import EPISODES, EpisodeLinks, Replays, replays, write_episodes
-from benchmark.report.figures import KINDS, draw_all
+from benchmark.report.figures import KINDS, PROFILE
 from benchmark.report.front import leader
-from benchmark.report.html import report_page
+from benchmark.report.html import pictures, report_page
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.robustness import Robustness, robustness_of
-from benchmark.report.summary import PROFILE, draw_profile, summaries_of
+from benchmark.report.summary import summaries_of
 from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
 from benchmark.results.reading import REPORT, read_results
@@ -65,26 +65,23 @@ def report_files(
         links: Links to recorded test episodes.
         played: Test episodes that the page plays.
     """
-    pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
     summaries, robustness = summaries_of(report), robustness_of(report)
-    if summaries.algorithms:
-        pictures[PROFILE] = draw_profile(summaries)
+    drawn = pictures(report, summaries)
     texts = {
         PAGE: report_page(report, summaries, links, robustness, played or Replays()),
-        TEXT: report_text(report, summaries, pictures, links, robustness),
+        TEXT: report_text(report, summaries, drawn, links, robustness),
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
         **robustness_csv(robustness),
         **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
+        **{f"{name}.svg": picture for name, picture in drawn.items()},
     }
-    return {name: text.encode() for name, text in texts.items()} | {
-        f"{name}.png": picture for name, picture in pictures.items()
-    }
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def values_csv(values: Frame) -> str:
-    """Return a row for each algorithm, cell, mode and metric; n/a is empty, and its note says why."""
+    """Return a row for each algorithm, condition, mode and metric; n/a is empty, and its note says why."""
     terms = [
         "; ".join(f"{name}={csv_number(value)}" for name, value in each.items()) for each in values["terms"]
     ]
@@ -92,14 +89,14 @@ def values_csv(values: Frame) -> str:
 
 
 def robustness_csv(robustness: Robustness) -> dict[str, str]:
-    """Return a row for each cell, policy, partner or condition, and rate; no file if nothing was played."""
+    """Return a row for each task, policy, partner or condition, and rate; no file if nothing was played."""
     if not len(robustness.values):
         return {}
     return {ROBUSTNESS: robustness.values.to_csv(index=False, float_format=csv_number, lineterminator="\n")}
 
 
 def differences_csv(report: Report) -> str:
-    """Return a row for each mode, cell, rate and pair; `better` is "tie" or "not compared" without one."""
+    """Return a row for each mode, condition, rate and pair; without a better one, "tie" or "not compared"."""
     parts = []
     for mode, found in report.differences.items():
         better = found["wins"].where(found["wins"] != "", "tie")
@@ -121,8 +118,8 @@ def _check_free(folder: Path) -> None:
     if folder.is_file():
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
-        pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]
+        drawn = (f"{kind.name}.*" for kind in (*KINDS, PROFILE))
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *drawn]
         if not ((folder / TEXT).is_file() or (folder / PAGE).is_file()):  # these names are of others
             known = []
         elif all(each.suffix == ".html" for each in (folder / EPISODES).glob("*")):

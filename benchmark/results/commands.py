@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.values import KEPT
 from benchmark.results.files import ResultsError, read_versioned, write_versioned
 from smarts.config import ConfigError, fitted

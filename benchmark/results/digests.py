@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.files import ResultsError, read_json
 from smarts_agent_kit.weights import file_digest
 
 DIGESTS = "digests.json"
@@ -33,7 +33,7 @@ def check_digests(folder: Path, remedy: str) -> None:
         ResultsError: A file has changed.
     """
     if (folder / DIGESTS).exists():
-        check_files(folder, read_mapping(folder / DIGESTS, remedy), remedy)
+        check_files(folder, read_json(folder / DIGESTS, remedy), remedy)
 
 
 def check_files(folder: Path, digests: Mapping[str, str], remedy: str) -> None:

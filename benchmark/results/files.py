@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,8 +51,8 @@ def write_json(file: Path, content: Any) -> None:
     write_whole(file, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
-def read_json(file: Path, remedy: str = LOST) -> Any:
-    """Return the content of a JSON file.
+def read_json(file: Path, remedy: str = LOST) -> dict[str, Any]:
+    """Return the content of a JSON file of keys with values.
 
     Args:
         file: Its path.
@@ -61,17 +62,9 @@ def read_json(file: Path, remedy: str = LOST) -> Any:
         ResultsError: It is missing or damaged.
     """
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, TypeError, ValueError, RecursionError) as error:
         raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
-
-
-def read_mapping(file: Path, remedy: str = LOST) -> dict[str, Any]:
-    """Return the content of a JSON file that holds keys and values; see `read_json`."""
-    content = read_json(file, remedy)
-    if not isinstance(content, dict):
-        raise ResultsError("holds no keys and values", place=str(file), remedy=remedy)
-    return content
 
 
 def read_versioned(file: Path) -> dict[str, Any]:
@@ -80,7 +73,7 @@ def read_versioned(file: Path) -> dict[str, Any]:
     Raises:
         ResultsError: It is missing, damaged, or of another format.
     """
-    content = read_mapping(file)
+    content = read_json(file)
     if (found := content.pop("format", None)) != FORMAT:
         problem = f"written in format {found}, this version reads format {FORMAT}"
         raise ResultsError(problem, place=str(file), remedy="read it with the program that wrote it")
@@ -117,6 +110,37 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
         partial.rename(folder)
         _to_disk(folder.parent)
         shutil.rmtree(previous, ignore_errors=True)
+
+
+def check_free(out: Path | None) -> None:
+    """Raise unless a folder is new or empty, or none is given.
+
+    Raises:
+        ResultsError: It holds something, or is a file.
+    """
+    if out is not None and out.exists() and (out.is_file() or any(out.iterdir())):
+        problem = "is a file" if out.is_file() else f"holds '{min(out.iterdir()).name}'"
+        raise ResultsError(problem, place=str(out), remedy="remove it, or choose another --out")
+
+
+@contextmanager
+def new_folder(out: Path | None) -> Iterator[Path]:
+    """Provide a folder that becomes `out` when all is written; without one it is removed."""
+    check_free(out)
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+            yield Path(temporary)
+        return
+    partial = _partial_of(out)
+    shutil.rmtree(partial, ignore_errors=True)
+    with named_failures(out):
+        partial.mkdir(parents=True)
+    try:
+        yield partial
+        with named_failures(out):
+            partial.replace(out)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

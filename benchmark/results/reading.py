@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import (
     SCRIPTED,
     SCRIPTED_SEED,

@@ -18,7 +18,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
 from benchmark.results.digests import check_files
-from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.files import ResultsError, read_json
 from smarts.config import Section, fitted
 
 RATES = ("completion_rate", "collision_rate")
@@ -58,7 +58,7 @@ class Training(Section):
     benchmark_version: int | None = None
 
     def __str__(self) -> str:
-        return f"{self.cell}, seed {self.seed}"
+        return f"{self.condition}, seed {self.seed}"
 
     @property
     def place(self) -> Path:
@@ -66,7 +66,7 @@ class Training(Section):
         return Path(self.algorithm, self.task, self.traffic, f"seed_{self.seed}")
 
     @property
-    def cell(self) -> str:
+    def condition(self) -> str:
         """Algorithm, task and traffic."""
         return f"{self.algorithm}, {self.task}, {self.traffic}"
 
@@ -139,7 +139,7 @@ class Verdict(Training):
     fresh: dict[str, float] = Field(default_factory=dict)
     """Scores of the fresh episodes; empty without any."""
     knows_test: bool = False
-    """Whether the policies of its cell do better in the public test than in fresh episodes."""
+    """Whether the policies of its condition do better in the public test than in fresh episodes."""
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -155,7 +155,7 @@ def read_manifest(folder: Path) -> Manifest:
             place=str(file),
             remedy="give a folder that `smarts-bench release` has written",
         )
-    return fitted(read_mapping(file, "get it again from where it came"), Manifest, str(file))
+    return fitted(read_json(file, "get it again from where it came"), Manifest, str(file))
 
 
 def check_released(policy: Path) -> None:

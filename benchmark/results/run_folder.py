@@ -349,6 +349,18 @@ def changed_code(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]
     return [name for name in now if before.get(name, now[name]) != now[name]]
 
 
+def changes_since(folder: RunFolder, content: Mapping[str, Any], scenarios: Mapping[str, str]) -> list[str]:
+    """Return what of a run's own code and scenarios has changed since the run, in words.
+
+    Args:
+        folder: The run's.
+        content: The run's content, as it would be now.
+        scenarios: Name -> present digest of each scenario.
+    """
+    code = (f"the code of {name!r}" for name in changed_code(folder.read_config(), content))
+    return [*code, *(f"the scenario {name!r}" for name in folder.changed_scenarios(scenarios))]
+
+
 def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     """Return whether the budget of a content is larger than another's, if both have one."""
     return BUDGET in here and BUDGET in there and is_larger(here[BUDGET], there[BUDGET])

@@ -1,4 +1,4 @@
-"""Chooses settings after a search in several cells, and writes them as a file that experiments extend."""
+"""Chooses settings after a search in several conditions; writes them as a file that experiments extend."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pandas as pd
 import yaml
 
 from benchmark.experiment.algorithm_settings import setting_names
-from benchmark.experiment.config import Experiment, Tune
+from benchmark.experiment.models import Experiment, Tune
 from benchmark.results.files import write_whole
 from smarts.errors import SmartsError
 
 TRIALS, CHOSEN = "trials.csv", "chosen.yaml"
-"""Files of a search: what each trial reached; the settings that are best on average over cells."""
+"""Files of a search: what each trial reached; the settings that are best on average over conditions."""
 
 
 class SweepError(SmartsError):
@@ -26,7 +26,7 @@ class SweepError(SmartsError):
 def write_chosen(
     experiment: Experiment, section: Tune, tables: Sequence[tuple[str, Path]], root: Path
 ) -> None:
-    """Write chosen.yaml, whose `settings` are each algorithm's best on average over cells.
+    """Write chosen.yaml, whose `settings` are each algorithm's best on average over conditions.
 
     It is an experiment file: `extends: chosen.yaml` takes the settings. The averages of all trials are
     written to trials.csv and printed.
@@ -38,20 +38,20 @@ def write_chosen(
         root: Folder of both files.
 
     Raises:
-        SweepError: The cells of an algorithm have not had the same settings.
+        SweepError: The conditions of an algorithm have not had the same settings.
     """
     chosen, averages = {}, []
     for algorithm in experiment.algorithms:
         names = [name for name in section.parameters if name in setting_names(algorithm)]
-        cells = [_read(file, names, section.metric) for name, file in tables if name == algorithm]
-        mean = mean_over_cells(cells, names, section.metric, f"{root}: {algorithm}")
+        conditions = [_read(file, names, section.metric) for name, file in tables if name == algorithm]
+        mean = mean_over_conditions(conditions, names, section.metric, f"{root}: {algorithm}")
         chosen[algorithm] = {name: setting_of(mean[name].tolist()[0]) for name in names}
-        averages.append(mean.assign(algorithm=algorithm, cells=len(cells)))
+        averages.append(mean.assign(algorithm=algorithm, cells=len(conditions)))
     table = pd.concat(averages, ignore_index=True)
     write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
     print(table.to_string(index=False))
     content = {
-        "description": f"Chosen by {experiment.name}: the best {section.metric} on average over cells.",
+        "description": f"Chosen by {experiment.name}: the best {section.metric} on average over conditions.",
         "algorithms": [*experiment.algorithms],
         "tasks": [task.model_dump(mode="json") for task in experiment.tasks],
         "settings": chosen,
@@ -67,24 +67,24 @@ def _read(file: Path, names: Sequence[str], metric: str) -> pd.DataFrame:
     return pd.read_csv(file, dtype=dict.fromkeys(names, str), keep_default_na=False, na_values=missing)
 
 
-def mean_over_cells(
-    cells: Sequence[pd.DataFrame], names: Sequence[str], metric: str, place: str
+def mean_over_conditions(
+    conditions: Sequence[pd.DataFrame], names: Sequence[str], metric: str, place: str
 ) -> pd.DataFrame:
     """Return each choice of settings with its mean metric, the best first.
 
     Args:
-        cells: Trials in each cell: columns of settings and metrics.
+        conditions: Trials in each condition: columns of settings and metrics.
         names: Names of the settings.
-        metric: Its name; repeated trials of one choice are averaged in each cell first.
+        metric: Its name; repeated trials of one choice are averaged in each condition first.
         place: What an error names.
 
     Raises:
-        SweepError: The cells have not had the same settings.
+        SweepError: The conditions have not had the same settings.
     """
-    keyed = [table.set_index(table[[*names]].astype(str).agg("; ".join, axis=1)) for table in cells]
+    keyed = [table.set_index(table[[*names]].astype(str).agg("; ".join, axis=1)) for table in conditions]
     if any(sorted(each.index) != sorted(keyed[0].index) for each in keyed):
         remedy = "remove the folder to search again"
-        raise SweepError("the cells have had different settings", place=place, remedy=remedy)
+        raise SweepError("the conditions have had different settings", place=place, remedy=remedy)
     choices = keyed[0].loc[~keyed[0].index.duplicated(), [*names]]
     means = {number: each.groupby(level=0)[metric].mean() for number, each in enumerate(keyed)}
     table = choices.assign(**{metric: pd.DataFrame(means).mean(axis=1)})

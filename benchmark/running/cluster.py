@@ -16,7 +16,7 @@ from ray._private import worker
 from ray._private.services import canonicalize_bootstrap_address
 from ray.experimental.internal_kv import _internal_kv_del, _internal_kv_exists, _internal_kv_put
 
-from benchmark.experiment.config import Resources
+from benchmark.experiment.models import Resources
 from benchmark.results.files import ResultsError, first_line
 
 OWN = "local"

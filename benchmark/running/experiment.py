@@ -12,8 +12,9 @@ import ray
 
 from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Experiment, check_whole, read_experiment
+from benchmark.experiment.config import check_whole, read_experiment
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import task_settings_of
 from benchmark.experiment.version import differences
@@ -23,10 +24,9 @@ from benchmark.results.reading import Results, read_results
 from benchmark.results.run_folder import FINISHED
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import DT, given_hosts
-from benchmark.running.estimate import episodes_of, plan
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
-from benchmark.running.live import LiveProgress
+from benchmark.running.live import LiveProgress, episodes_of, plan
 from benchmark.running.machine import command, commit
 from benchmark.running.played import held_out_of, scenario_digests, scenarios_by_traffic
 from benchmark.running.shipping import shipped_code

@@ -20,7 +20,7 @@ from ray.exceptions import RayError, RayTaskError
 from ray.util.placement_group import placement_group, remove_placement_group
 from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 
-from benchmark.experiment.config import Experiment, Resources
+from benchmark.experiment.models import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
 from benchmark.results.reading import packed_contents, run_folder
@@ -248,7 +248,7 @@ class JobScheduler:
         if progress is not None:
             state.progress, state.status = progress, progress.phase
             if progress.phase == TRAINING:
-                state.rates[TRAINING] = progress.agent_steps / progress.seconds
+                state.rates[TRAINING] = progress.line["agent_steps"] / max(progress.line["seconds"], 0.01)
             if progress.phase == TESTING:
                 took = max(state.heard - state.testing_since, 0.01)
                 state.rates[TESTING] = progress.share * state.episodes / took

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 WAITING, STARTING = "waiting", "starting"
@@ -52,16 +52,8 @@ class RunProgress:
     """TRAINING, TESTING or FINISHED."""
     share: float = 0.0
     """Share of the budget, or of the test, that is done."""
-    iteration: int = 0
-    agent_steps: int = 0
-    """Simulation steps of 0.1 s, once for each agent."""
-    seconds: float = 0.0
-    """Time of training [s], earlier parts of the run included."""
-    agent_steps_per_second: float = 0.0
-    returns: float = float("nan")
-    """Mean of the last episodes and agents."""
-    completion: float = float("nan")
-    collision: float = float("nan")
+    line: Mapping[str, Any] = field(default_factory=dict)
+    """Columns of progress.csv after an iteration of training."""
     validation: Mapping[str, float] | None = None
     """Return, completion and collision of a validation after the iteration, if there was one."""
 

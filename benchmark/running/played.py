@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import TaskSetting, task_settings_of
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import changed_scenarios, code_digests
-from benchmark.results.files import ResultsError, replace_folder, write_json
+from benchmark.results.files import ResultsError, check_free, replace_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
@@ -36,18 +36,17 @@ def write_release(
 
     Args:
         root: The experiment's results, tested with greedy acting.
-        out: Folder of the release, which does not exist yet.
+        out: Folder of the release, new or empty.
         author: Shown on the leaderboard.
         is_partial: Whether runs and seeds may be missing; the manifest then names them.
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
-            froze it, or are missing, or a file is too large; names each. Or the folder exists.
+            froze it, or are missing, or a file is too large; names each. Or the folder holds something.
         SmartsError: A policy cannot be exported.
     """
-    if out.exists():
-        raise ResultsError("is there already", place=str(out), remedy="choose another --out, or remove it")
+    check_free(out)
     results = read_results(root)
     finished = [run for run in results.finished if not run.is_scripted]
     runs = [run for run in finished if RunFolder(root / run.place).checkpoint.exists()]
@@ -109,26 +108,26 @@ def _wrong(runs: Sequence[RunResult], scenarios: dict[str, dict[str, str]]) -> I
 
 
 def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
-    """Yield runs that are not finished, not tested with greedy acting, or too few, by cell."""
+    """Yield runs that are not finished, not tested with greedy acting, or too few, by condition."""
     unfinished: dict[tuple[str, str], list[int]] = {}
     planned: dict[str, list[int]] = {}
     for run in results.unfinished:
         if not run.is_scripted:
-            unfinished.setdefault((_cell(run), run.status), []).append(run.seed)
-            planned.setdefault(_cell(run), []).append(run.seed)
-    for (cell, status), seeds in unfinished.items():
-        yield f"{cell}, {listed('seed', seeds)}: {status}"
+            unfinished.setdefault((_condition(run), run.status), []).append(run.seed)
+            planned.setdefault(_condition(run), []).append(run.seed)
+    for (condition, status), seeds in unfinished.items():
+        yield f"{condition}, {listed('seed', seeds)}: {status}"
     for run in runs:
         assert run.table is not None
         if "greedy" not in set(run.table["mode"]):
             yield f"{run} was not tested with greedy acting"
-        planned.setdefault(_cell(run), []).append(run.seed)
-    for cell, seeds in planned.items():
+        planned.setdefault(_condition(run), []).append(run.seed)
+    for condition, seeds in planned.items():
         if len(seeds) < SEEDS:
-            yield f"{cell} has {listed('seed', seeds)} alone, of at least {SEEDS}"
+            yield f"{condition} has {listed('seed', seeds)} alone, of at least {SEEDS}"
 
 
-def _cell(run: RunResult) -> str:
+def _condition(run: RunResult) -> str:
     return f"{run.algorithm}, {run.task}, {run.traffic}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.experiment.conditions import AS_TRAINED, condition, conditions
-from benchmark.experiment.config import EMPTY_ROADS, Evaluation
+from benchmark.experiment.models import EMPTY_ROADS, Evaluation
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import OWN_CODE, Run, TaskSetting
 from benchmark.metrics import read_table, write_table
@@ -23,9 +23,8 @@ from benchmark.results.files import ResultsError, locked, read_versioned, write_
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import RATES
 from benchmark.results.robustness import CONDITION, PARTNER, PLAY, ROBUSTNESS, TABLE, Play, trained_state
-from benchmark.results.run_folder import RunFolder, changed_code
+from benchmark.results.run_folder import RunFolder, changes_since
 from benchmark.results.versions import check_one_version
-from benchmark.running.environments import environment
 from benchmark.running.importing import named_own_code
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
@@ -38,7 +37,7 @@ from benchmark.running.playing_together import (
 )
 from benchmark.running.policy import Policy, read_run
 from benchmark.running.side_by_side import side_by_side
-from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
+from benchmark.running.testing import EVALUATION_SEED, play_parts
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import file_name, import_own
@@ -55,7 +54,7 @@ class Given:
     """Number of the tests' first episodes that each play has. None: `EPISODES`, or all if there are fewer."""
     seed: int | None = None
     """Training seed of the policies; None: the smallest."""
-    cells: tuple[str, ...] = ()
+    tasks: tuple[str, ...] = ()
     """TASK/TRAFFIC; none: all with social vehicles."""
     algorithms: tuple[str, ...] = ()
     """None: all."""
@@ -67,8 +66,8 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A task with one traffic, and the policies that are played in it, by the names of their folders."""
+class Policies:
+    """The policies that are played in a task with one traffic, by the names of their folders."""
 
     root: Path
     """The experiment's results."""
@@ -87,15 +86,15 @@ class Cell:
         return next(iter(self.runs.values())).task_setting
 
 
-def cells_of(root: Path, given: Given) -> list[Cell]:
-    """Return the cells that are to be played.
+def policies_of(root: Path, given: Given) -> list[Policies]:
+    """Return the policies that are to be played, in each task.
 
     Args:
         root: The experiment's results.
         given: What is asked for.
 
     Raises:
-        SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, or
+        SmartsError: An algorithm, scripted policy, task or condition is unknown; a run is not finished, or
             has no checkpoint, or no greedy test of so many episodes; runs are of several versions; what they
             were made of has changed.
     """
@@ -109,25 +108,25 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
     learned = [run for run in results.runs if not run.is_scripted]
     known = {f"{run.task}/{run.traffic}": (run.task, run.traffic) for run in learned}
     for kind, names, there in (
-        ("cell", given.cells, known),
+        ("task", given.tasks, known),
         ("algorithm", given.algorithms, {run.algorithm for run in learned}),
     ):
         if unknown := [name for name in names if name not in there]:
             problem = f"there is no {kind} {unknown[0]!r} in these results"
             raise UnknownNameError(problem, place=f"--{kind}", remedy=nearest_names(unknown[0], there))
-    wanted = given.cells or [name for name, (_, traffic) in known.items() if traffic != EMPTY_ROADS]
+    wanted = given.tasks or [name for name, (_, traffic) in known.items() if traffic != EMPTY_ROADS]
     if not wanted:
         raise ResultsError(
-            "no trained policy was tested in a cell with social vehicles",
+            "no trained policy was tested with social vehicles",
             place=str(root),
-            remedy=f"name cells with --cell: {', '.join(known) or 'there is none'}",
+            remedy=f"name tasks with --task: {', '.join(known) or 'there is none'}",
         )
     seed = min(run.seed for run in learned) if given.seed is None else given.seed
-    return [_cell(results, *known[name], seed, given) for name in wanted]
+    return [_policies(results, *known[name], seed, given) for name in wanted]
 
 
-def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) -> Cell:
-    """Return a cell, checked."""
+def _policies(results: Results, task: str, traffic: str, seed: int, given: Given) -> Policies:
+    """Return the policies of a task, checked."""
     where = f"{task}/{traffic}, seed {seed}"
     found = {
         run.algorithm: run
@@ -135,13 +134,12 @@ def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) ->
         if (run.task, run.traffic, run.seed) == (task, traffic, seed)
         and (not given.algorithms or run.algorithm in given.algorithms)
     }
-    if not found:
-        raise ResultsError("there is no trained policy", place=where, remedy="give another --seed")
-    if lacking := [f"{run}: {run.status}" for run in found.values() if run.table is None]:
+    lacking = [f"{run}: {run.status}" for run in found.values() if run.table is None]
+    if lacking or not found:
         raise ResultsError(
-            f"not finished: {'; '.join(lacking)}",
+            f"not finished: {'; '.join(lacking)}" if lacking else "there is no trained policy",
             place=where,
-            remedy="finish them, or choose others with --algorithm and --cell",
+            remedy="finish them, or choose others with --algorithm, --task and --seed",
         )
     tested = min(_tested(run.table) for run in found.values())
     episodes = given.episodes or min(EPISODES, tested)
@@ -155,7 +153,7 @@ def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) ->
     _check_cross_play(next(iter(runs.values())).task_setting, given.partners)
     trained = {name: trained_state(run) for name, run in found.items()}
     scripted = {file_name(name): name for name in given.partners}
-    return Cell(results.root, seed, episodes, runs, trained, scripted)
+    return Policies(results.root, seed, episodes, runs, trained, scripted)
 
 
 def _tested(table: Frame) -> int:
@@ -173,11 +171,7 @@ def _read(root: Path, run: RunResult, given: Given) -> Run:
     folder = RunFolder(root / run.place)
     folder.kept("last")
     found = read_run(folder, given.imports)
-    changed = [f"the code of {name!r}" for name in changed_code(folder.read_config(), found.content())]
-    changed += [
-        f"the scenario {name!r}" for name in folder.changed_scenarios(scenario_digests(found.task_setting))
-    ]
-    if changed:
+    if changed := changes_since(folder, found.content(), scenario_digests(found.task_setting)):
         raise ResultsError(
             f"changed since this run: {', '.join(changed)}",
             place=str(folder.path),
@@ -194,7 +188,7 @@ def _check_cross_play(setting: TaskSetting, partners: Sequence[str]) -> None:
         raise ResultsError(
             f"{problem}, and cross-play is of two or more with missions",
             place=str(setting),
-            remedy="choose another --cell",
+            remedy="choose another --task",
         )
     # One's own policies and adapters know of each other.
     ours = [x for x in partners if SCRIPTED_POLICIES[x].__module__.startswith("benchmark.scripted.")]
@@ -221,42 +215,45 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
     Raises:
         SmartsError: Something of it cannot be played; raised before anything is.
     """
-    plays = [(cell, play) for cell in cells_of(root, given) for play in plays_of(cell, given)]
+    plays = [(each, play) for each in policies_of(root, given) for play in plays_of(each, given)]
     with locked(root / ROBUSTNESS):
         facts = machine()
         missing, count = [], 0
-        for cell, play in plays:
-            wanted = _wanted(cell, play)
+        for policies, play in plays:
+            wanted = _wanted(policies, play)
             if _is_there(root / play.folder, {**wanted, "commit": facts["commit"]}):
                 count += 1
                 yield f"{count}/{len(plays)} {play}: was there"
             else:
-                missing.append((cell, play, {**wanted, **facts}))
+                missing.append((policies, play, {**wanted, **facts}))
         for number, _ in side_by_side(_play, missing, parallel):
             count += 1
             yield f"{count}/{len(plays)} {missing[number][1]}"
 
 
-def plays_of(cell: Cell, given: Given) -> Iterator[Play]:
+def plays_of(policies: Policies, given: Given) -> Iterator[Play]:
     """Yield all pairs in both arrangements, then every policy by itself under each condition."""
-    place, names = (cell.setting.task.name, cell.setting.traffic), [*cell.runs, *cell.scripted]
+    place, names = (
+        (policies.setting.task.name, policies.setting.traffic),
+        [*policies.runs, *policies.scripted],
+    )
     for one, other in itertools.combinations(names, 2):
-        if one in cell.runs:  # trained ones are first: tests of scripted policies alone say nothing here
-            yield Play(*place, AS_TRAINED, one, other, cell.seed)
-            yield Play(*place, AS_TRAINED, other, one, cell.seed)
+        if one in policies.runs:  # trained ones are first: tests of scripted policies alone say nothing here
+            yield Play(*place, AS_TRAINED, one, other, policies.seed)
+            yield Play(*place, AS_TRAINED, other, one, policies.seed)
     for name in given.conditions:
         for policy in names:
-            yield Play(*place, name, policy, policy, cell.seed)
+            yield Play(*place, name, policy, policy, policies.seed)
 
 
-def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
-    scripted = [cell.scripted[name] for name in play.drivers if name in cell.scripted]
+def _wanted(policies: Policies, play: Play) -> dict[str, Any]:
+    scripted = [policies.scripted[name] for name in play.drivers if name in policies.scripted]
     return {
         **asdict(play),
-        "episodes": cell.episodes,
+        "episodes": policies.episodes,
         "environment": {} if play.condition == AS_TRAINED else condition(play.condition).environment,
-        "trained": {name: cell.trained[name] for name in play.drivers if name in cell.trained},
-        OWN_CODE: own_digests(cell.setting.imports, scripted),
+        "trained": {name: policies.trained[name] for name in play.drivers if name in policies.trained},
+        OWN_CODE: own_digests(policies.setting.imports, scripted),
     }
 
 
@@ -269,71 +266,71 @@ def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
     return False
 
 
-def _play(cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
+def _play(policies: Policies, play: Play, facts: Mapping[str, Any]) -> None:
     """Play and measure the episodes, and write rows, then facts, without which a play does not count."""
-    import_own(cell.setting.imports)  # this may be a process of its own
-    folder = cell.root / play.folder
+    import_own(policies.setting.imports)  # this may be a process of its own
+    folder = policies.root / play.folder
     (folder / PLAY).unlink(missing_ok=True)
-    policies = {name: _policy(cell, name) for name in play.drivers if name in cell.runs}
-    setting = _setting(cell, play)
+    trained = {name: _policy(policies, name) for name in play.drivers if name in policies.runs}
+    setting = _setting(policies, play)
 
-    def play_part(part: Part, indices: range, record: Path) -> None:
-        discount = next((policy.discount for policy in policies.values()), None)
-        given = {"record": record, "discount": discount, "policy": "+".join(play.drivers)}
-        seen = _observations(cell, play)
-        with closing(environment(setting, scenarios=part.scenarios, **given, **seen)) as env:
-            play_together(env, _drivers(env, play, cell, policies), indices)
+    def together(env: Any, indices: range, _: str) -> None:
+        play_together(env, _drivers(env, play, policies, trained), indices)
 
-    labels = {"algorithm": "", "training_seed": cell.seed, PARTNER: "", CONDITION: play.condition}
+    options = {"policy": "+".join(play.drivers), **_observations(policies, play)}
+    options["discount"] = next((policy.discount for policy in trained.values()), None)
+    labels = {"algorithm": "", "training_seed": policies.seed, PARTNER: "", CONDITION: play.condition}
     with (
         tempfile.TemporaryDirectory(prefix="smarts-bench-") as scratch,
         named_own_code(f"a policy of {play}"),
     ):
-        for _ in play_parts(setting, RunFolder(Path(scratch)), ("greedy",), labels, play_part):
+        for _ in play_parts(setting, RunFolder(Path(scratch)), ("greedy",), labels, together, **options):
             pass
         table = read_table(RunFolder(Path(scratch)).table)
     write_table(_by_driver(table, play, _at_even_places(setting)), folder / TABLE)
-    needing = [name for name, policy in policies.items() if policy.needs_others]
+    needing = [name for name, policy in trained.items() if policy.needs_others]
     write_versioned(folder / PLAY, {**facts, "needs_others": needing})
 
 
-def _policy(cell: Cell, name: str) -> Policy:
-    run = cell.runs[name]
-    checkpoint = RunFolder(cell.root / run.folder).kept("last")
+def _policy(policies: Policies, name: str) -> Policy:
+    run = policies.runs[name]
+    checkpoint = RunFolder(policies.root / run.folder).kept("last")
     return Policy(run, checkpoint, is_sampled=False, seed=EVALUATION_SEED)
 
 
-def _setting(cell: Cell, play: Play) -> TaskSetting:
+def _setting(policies: Policies, play: Play) -> TaskSetting:
     """Return how a play is simulated and measured."""
-    given = cell.setting.environment
+    given = policies.setting.environment
     return replace(
-        cell.setting,
+        policies.setting,
         environment=given if play.condition == AS_TRAINED else condition(play.condition).of(given),
-        evaluation=Evaluation(episodes=cell.episodes, modes=("greedy",)),
+        evaluation=Evaluation(episodes=policies.episodes, modes=("greedy",)),
         metrics=RATES,
     )
 
 
-def _observations(cell: Cell, play: Play) -> dict[str, Any]:
+def _observations(policies: Policies, play: Play) -> dict[str, Any]:
     """Return arguments of an environment in which a scripted policy sees what it does in its own test."""
-    scripted = [cell.scripted[name] for name in play.drivers if name in cell.scripted]
+    scripted = [policies.scripted[name] for name in play.drivers if name in policies.scripted]
     wanted = getattr(SCRIPTED_POLICIES[scripted[0]], "observation", None) if scripted else None
-    if wanted is None or cell.setting.environment.adapter is not None:
+    if wanted is None or policies.setting.environment.adapter is not None:
         return {}
     return {"adapter": ObservationsOfBoth, "adapter_options": {"scripted": wanted}}
 
 
-def _drivers(env: Any, play: Play, cell: Cell, policies: Mapping[str, Policy]) -> list[tuple[Any, Agents]]:
+def _drivers(
+    env: Any, play: Play, policies: Policies, trained: Mapping[str, Policy]
+) -> list[tuple[Any, Agents]]:
     """Return the drivers of an environment's agents, with the agents of each."""
 
     def driver(name: str, agents: Agents) -> tuple[Any, Agents]:
-        if name in policies:
-            return TrainedDriver(policies[name], agents, env), agents
-        return ScriptedDriver(cell.scripted[name], agents, env), agents
+        if name in trained:
+            return TrainedDriver(trained[name], agents, env), agents
+        return ScriptedDriver(policies.scripted[name], agents, env), agents
 
     if play.even == play.odd:
         return [driver(play.even, np.ones(len(env.agents), np.bool_))]
-    even = np.isin(env.agents, _at_even_places(cell.setting))
+    even = np.isin(env.agents, _at_even_places(policies.setting))
     return [driver(play.even, even), driver(play.odd, ~even)]
 
 

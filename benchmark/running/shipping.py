@@ -19,7 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.results.files import ResultsError
 from benchmark.running.machine import COMMIT, commit

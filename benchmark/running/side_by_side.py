@@ -38,7 +38,7 @@ def side_by_side(
     import ray
     from ray.exceptions import RayError, RayTaskError
 
-    from benchmark.experiment.config import Resources
+    from benchmark.experiment.models import Resources
     from benchmark.running.cluster import check_ray, start_ray
 
     is_callers = ray.is_initialized()

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import SCRIPTED, TaskSetting
 from benchmark.experiment.version import ENVIRONMENT, SCENARIOS, changed_scenarios, differences, versions
 from benchmark.results.files import ResultsError
@@ -209,7 +209,7 @@ def _wrong_policies(manifest: Manifest, folder: Path) -> Iterator[str]:
                 yield f"{entry}: {agent}: not as `smarts-bench export` writes it ({kind}: {error})"
                 continue
             agent, total = policy.digest, total + policy.size
-        other = seeds.setdefault((entry.cell, agent), entry.seed)
+        other = seeds.setdefault((entry.condition, agent), entry.seed)
         if other != entry.seed:
             yield f"{entry}: its policy is that of seed {other}"
     if total > LARGEST:

@@ -23,9 +23,9 @@ from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from benchmark.experiment.algorithm_settings import setting_names
-from benchmark.experiment.config import Experiment, Tune
+from benchmark.experiment.models import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of, with_defaults
-from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
+from benchmark.results.files import FORMAT, ResultsError, locked, read_json, write_json, write_whole
 from benchmark.results.run_folder import SCENARIOS, RunFolder, changed_code, comparable
 from benchmark.running.choosing import TRIALS, SweepError, text_of, write_chosen
 from benchmark.running.cluster import start_ray
@@ -51,9 +51,9 @@ OF_NETWORKS = ("sharing", "set_width")
 def sweep(experiment: Experiment, root: Path) -> int:
     """Search, print and keep a row for each trial in trials.csv, the best first; return the exit code.
 
-    With several algorithms or cells there is a search for each algorithm in each cell, in a folder of its
-    own, with the same draws in all cells; `write_chosen` then writes what is best on average over cells. The
-    same call resumes an interrupted search, and repeats none that `is_complete`.
+    With several algorithms or conditions there is a search for each algorithm in each condition, in a folder
+    of its own, with the same draws in all conditions; `write_chosen` then writes what is best on average over
+    them. The same call resumes an interrupted search, and repeats none that `is_complete`.
 
     Raises:
         SweepError: The experiment has no `tune` section, or cannot be searched.
@@ -109,7 +109,7 @@ def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
         table = pd.read_csv(folder / TRIALS)
     except (pd.errors.EmptyDataError, pd.errors.ParserError):  # written again when the search has ended
         return False
-    if not {"trial_id", section.metric} <= {*table}:  # averages over cells, or not a whole table
+    if not {"trial_id", section.metric} <= {*table}:  # averages over conditions, or not a whole table
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
     return len(table.dropna(subset=[section.metric])) == section.samples * prod(grids)
@@ -150,7 +150,7 @@ def _check_same_search(file: Path, run: Run, section: Tune) -> None:
     if not file.exists():
         write_json(file, {**content, SCENARIOS: digests})
         return
-    before = read_mapping(file)
+    before = read_json(file)
     known = before.pop(SCENARIOS, {})  # the oldest searches have none
     if others := [name for name, digest in digests.items() if known.get(name, digest) != digest]:
         raise ResultsError(
@@ -231,12 +231,12 @@ def _show(table: pd.DataFrame, folder: Path) -> None:
 
 
 def searched_runs(experiment: Experiment) -> list[Run]:
-    """Return the runs whose settings are searched: one for each algorithm and cell.
+    """Return the runs whose settings are searched: one for each algorithm and condition.
 
     Raises:
-        SweepError: There are no algorithms, several seeds, no validations, or several cells and a scheduler,
-            which would stop the same settings early in one cell and not in another; or population-based
-            training would change the networks of a checkpoint.
+        SweepError: There are no algorithms, several seeds, no validations, or several conditions and a
+            scheduler, which would stop the same settings early in one condition and not in another; or
+            population-based training would change the networks of a checkpoint.
     """
     runs = [*runs_of(experiment)]
     if not runs:
@@ -247,7 +247,7 @@ def searched_runs(experiment: Experiment) -> list[Run]:
         )
     if len(experiment.seeds) > 1:
         raise SweepError(
-            f"the experiment stands for {len(experiment.seeds)} runs in each cell, a search has one",
+            f"the experiment stands for {len(experiment.seeds)} runs in each condition, a search has one",
             place=experiment.name,
             remedy="leave one seed: --set seeds=[1]",
         )
@@ -257,7 +257,7 @@ def searched_runs(experiment: Experiment) -> list[Run]:
         )
     if experiment.tune and experiment.tune.scheduler != "none" and len(runs) > len(experiment.algorithms):
         raise SweepError(
-            f"{experiment.tune.scheduler} cannot compare settings over several cells",
+            f"{experiment.tune.scheduler} cannot compare settings over several conditions",
             place="tune.scheduler",
             remedy="remove it, or leave one task and traffic",
         )
@@ -372,7 +372,7 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
                             **message.validation,
                             "safety": 1 - message.validation["collision"],
                             VALIDATION: training.validations,
-                            "agent_steps": message.agent_steps,
+                            "agent_steps": message.line["agent_steps"],
                         },
                         checkpoint=tune.Checkpoint.from_directory(str(folder.checkpoint)),
                     )

@@ -78,17 +78,9 @@ def play_test(
         play: Plays the episodes of some indices in an environment that records them, in the mode "greedy" or
             "sampled".
     """
-
-    def play_part(part: Part, indices: range, record: Path) -> None:
-        with closing(
-            environment(
-                run.task_setting, scenarios=part.scenarios, record=record, discount=discount, policy=run.label
-            )
-        ) as env:
-            play(env, indices, part.mode)
-
     labels = {"algorithm": run.label, "training_seed": run.seed}
-    yield from play_parts(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)
+    modes = run.task_setting.evaluation.modes
+    yield from play_parts(run.task_setting, folder, modes, labels, play, discount=discount, policy=run.label)
 
 
 def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
@@ -103,23 +95,13 @@ def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
     import_own(run.task_setting.imports)
     observation = scripted_observation(run.task_setting, run.policy)
 
-    def play_part(part: Part, indices: range, record: Path) -> None:
-        with closing(
-            environment(
-                run.task_setting,
-                num_envs=1,
-                scenarios=part.scenarios,
-                record=record,
-                observation=observation,
-                policy=run.policy,
-            )
-        ) as env:
-            played = episodes_of(env, run.policy, EVALUATION_SEED, indices.start)
-            for _ in islice(played, len(indices)):
-                pass
+    def play(env: Any, indices: range, mode: str) -> None:
+        for _ in islice(episodes_of(env, run.policy, EVALUATION_SEED, indices.start), len(indices)):
+            pass
 
     labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
-    for share in play_parts(run.task_setting, scratch, (SCRIPTED,), labels, play_part):
+    seen = {"num_envs": 1, "observation": observation, "policy": run.policy}
+    for share in play_parts(run.task_setting, scratch, (SCRIPTED,), labels, play, **seen):
         yield RunProgress(TESTING, share)
     yield from results_of(scratch)
     yield Noted({"status": FINISHED, "tested": run.task_setting.test_content()})
@@ -145,13 +127,27 @@ def play_parts(
     folder: RunFolder,
     modes: tuple[str, ...],
     given: Mapping[str, Any],
-    play_part: Callable[[Part, range, Path], None],
+    play: Callable[[Any, range, str], object],
+    **options: Any,
 ) -> Iterator[float]:
     """Play and measure all parts, and write the table; yields the finished share.
+
+    Args:
+        task_setting: What is played.
+        folder: Folder of the table and the recorded episodes.
+        modes: Ways of acting.
+        given: Columns of the table.
+        play: Plays the episodes of some indices in an environment that records them, in one of the modes.
+        options: Of the environment.
 
     Raises:
         ResultsError: Not one episode of a part could be measured.
     """
+
+    def play_part(part: Part, indices: range, record: Path) -> None:
+        with closing(environment(task_setting, scenarios=part.scenarios, record=record, **options)) as env:
+            play(env, indices, part.mode)
+
     parts = [*parts_of(task_setting, modes)]
     tables = []
     for number, part in enumerate(parts):

@@ -291,8 +291,7 @@ class Training:
             if is_stopped():
                 yield self._saved(CHECKPOINT)
                 return
-            progress, line = self._iterate()
-            validation, best = None, self._state.best
+            line, validation, best = self._iterate(), None, self._state.best
             if self._is_validation_due():
                 validation = self._validate()
                 line |= {f"validation_{name}": value for name, value in validation.items()}
@@ -302,7 +301,7 @@ class Training:
             if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
                 yield self._saved(CHECKPOINT)
                 saved = time.monotonic()
-            yield replace(progress, validation=validation)
+            yield RunProgress(TRAINING, self._share(), line, validation)
 
     def _saved(self, place: str) -> Kept:
         """Return a checkpoint with the state of training."""
@@ -313,7 +312,8 @@ class Training:
         share = state.agent_steps / budget.most_steps
         return min(1.0, max(share, state.seconds / (60 * budget.minutes) if budget.minutes else 0.0))
 
-    def _iterate(self) -> tuple[RunProgress, dict[str, Any]]:
+    def _iterate(self) -> dict[str, Any]:
+        """Train for an iteration; return the columns of progress.csv."""
         began = time.monotonic()
         interval = self._run.task_setting.environment.decision_interval
         self._algo.actions_left = (self._run.budget.most_steps - self._state.agent_steps) / interval
@@ -331,25 +331,15 @@ class Training:
         )
         outcomes = runners.get("env", {})
         agents = self._run.task_setting.environment.agent_count
-        progress = RunProgress(
-            TRAINING,
-            self._share(),
-            self._state.iteration,
-            agent_steps,
-            self._state.seconds,
-            speed,
-            float(runners.get("episode_return_mean", np.nan)) / agents,
-            float(outcomes.get("goal", np.nan)),
-            float(outcomes.get("collision", np.nan)),
-        )
-        return progress, {
-            "iteration": progress.iteration,
+        returns = float(runners.get("episode_return_mean", np.nan)) / agents
+        return {
+            "iteration": self._state.iteration,
             "agent_steps": agent_steps,
-            "seconds": round(progress.seconds, 2),
+            "seconds": round(self._state.seconds, 2),
             "agent_steps_per_second": round(speed),
-            "return": round(progress.returns, 4),
-            "completion": round(progress.completion, 4),
-            "collision": round(progress.collision, 4),
+            "return": round(returns, 4),
+            "completion": round(float(outcomes.get("goal", np.nan)), 4),
+            "collision": round(float(outcomes.get("collision", np.nan)), 4),
         }
 
     def _is_validation_due(self) -> bool:

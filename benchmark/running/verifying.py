@@ -11,21 +11,23 @@ import json
 import secrets
 import shutil
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import yaml
 
-from benchmark.experiment.config import Evaluation
+from benchmark.experiment.models import Evaluation
 from benchmark.experiment.version import CODE, ENVIRONMENT, versions
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
 from benchmark.results.files import (
     ResultsError,
     locked,
-    read_mapping,
+    read_json,
     replace_folder,
     write_files,
     write_json,
@@ -47,18 +49,28 @@ from benchmark.results.release import (
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
 from benchmark.running.blind import BlindAgent, RefusedError
-from benchmark.running.evaluate_agent import play_agent
-from benchmark.running.judging import compared_digests, differences, memorized
+from benchmark.running.evaluating import play_agent
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
 from benchmark.running.side_by_side import side_by_side
 from benchmark.running.submissions import agent_of, check_manifest, files_of, task_of
 from benchmark.running.testing import EVALUATION_SEED
+from benchmark.statistics import holm
 from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.errors import ActionError, OwnCodeError
 from smarts_agent_kit.weights import file_digest
 
+Digests = Mapping[str, Sequence[str]]
+
+TOLERATED = 0.01
+"""Share of a policy's episodes that may differ from those claimed: it was tested in 32 bits and is played in
+64, so that once in a while another of two nearly equal actions is chosen."""
+ROUNDED = 1e-5
+"""Scores of equal episodes differ by less."""
+MOST_P = 0.01
+"""Chance that one policy of an honest submission is found to know the test."""
+RESAMPLES = 100_000
 FRESH = "fresh"
 """Folder of the fresh episodes, in a policy's."""
 SEED = "fresh_seed"
@@ -80,7 +92,7 @@ def verify(
     """Evaluate a submission, and return the verdict on each of its policies.
 
     The results are those of an experiment: `smarts-bench leaderboard` lists them. Verdicts come when all
-    policies are played, since one test compares all seeds of a cell. What is played already is kept. A
+    policies are played, since one test compares all seeds of a condition. What is played already is kept. A
     submission that claims nothing gets its claims, in `out`/submission: its policies and nothing else.
 
     Args:
@@ -120,7 +132,7 @@ def _open(manifest: Manifest, out: Path) -> int:
     """
     file, another = out / VERDICTS, "choose another --out"
     others = sorted(each.name for each in out.glob("[!.]*") if each != file)
-    said = read_mapping(file, remedy=another) if file.exists() else {}
+    said = read_json(file, remedy=another) if file.exists() else {}
     if said.get(SUBMISSION) == _digest_of(manifest):
         return said[SEED]
     if others or said.get("verdicts"):  # without both, a wrong address may have been given
@@ -228,15 +240,15 @@ class _Evaluated:
         """Yield the verdicts on all entries; `refused` says why some were not played, by their place."""
         played = [entry for entry in self.manifest.policies if entry.place not in refused]
         fresh: dict[Path, Frame] = {}
-        cells: dict[str, list[tuple[Frame, Frame]]] = {}
+        conditions: dict[str, list[tuple[Frame, Frame]]] = {}
         for entry in played if self.fresh else ():
             fresh[entry.place] = read_table(RunFolder(self.out / entry.place / FRESH).table)
-            cells.setdefault(entry.cell, []).append((self.table(entry), fresh[entry.place]))
-        learnt = memorized(cells)
+            conditions.setdefault(entry.condition, []).append((self.table(entry), fresh[entry.place]))
+        learnt = memorized(conditions)
         for entry in self.manifest.policies:
             given: dict[str, Any] = {"status": REFUSED, "reasons": [refused.get(entry.place, "")]}
             if entry.place not in refused:
-                table, known = self.table(entry), learnt.get(entry.cell, [])
+                table, known = self.table(entry), learnt.get(entry.condition, [])
                 scores, digests = scores_of(table), episode_digests(table)
                 reasons = [*differences(entry, scores, digests), *known]
                 given = {"status": MARKED if reasons else CONFIRMED, "reasons": reasons, "scores": scores}
@@ -269,3 +281,100 @@ class _Evaluated:
         claimed = self.manifest.model_copy(update={**given, "scenarios": scenarios, "policies": entries})
         folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / MANIFEST, claimed.content())
+
+
+def compared_digests(entry: Entry, played: Digests) -> tuple[int, int]:
+    """Return how many claimed digests are those of the episodes, and how many were compared.
+
+    A digest is of one episode's index, too, so the order does not matter: an episode that could not be
+    measured, on either side, is one that differs, and not all behind it.
+
+    Args:
+        entry: Entry whose claims are compared.
+        played: Scenario -> digest of each episode; see `episode_digests`.
+    """
+    pairs = [(derived, entry.episodes.get(scenario, ())) for scenario, derived in played.items()]
+    equal = sum(len({*derived} & {*claimed}) for derived, claimed in pairs)
+    return equal, sum(min(len(derived), len(claimed)) for derived, claimed in pairs)
+
+
+def differences(entry: Entry, scores: Mapping[str, float], digests: Digests) -> Iterator[str]:
+    """Yield in what an entry's claims are not what its episodes gave.
+
+    Args:
+        entry: Entry whose claims are compared.
+        scores: Scores of the test.
+        digests: Scenario -> digest of each episode; see `episode_digests`.
+    """
+    if not entry.episodes:
+        yield "claims no episodes"
+        return
+    equal, compared = compared_digests(entry, digests)
+    differing = compared - equal
+    tolerated = compared and differing <= TOLERATED * compared
+    if not tolerated:
+        yield f"other episodes than claimed: {differing} of {compared} digests differ"
+    foreign = [name for name in entry.episodes if name.partition("@")[0] not in entry.scenarios]
+    if foreign:
+        yield f"claims episodes of {', '.join(foreign)}, which it does not play"
+    claimed, played = (
+        sum(len(each) for name, each in given.items() if "@" not in name)
+        for given in (entry.episodes, digests)
+    )
+    if claimed != played:
+        yield f"claims {claimed} test episodes, {played} were played: its scores are not compared"
+        return
+    # All agents of the differing episodes may have ended otherwise.
+    most = ROUNDED + (differing / compared if tolerated else 0.0)
+    for name, value in entry.scores.items():
+        if name not in scores:
+            yield f"claims {name} {value:.3f}, which its episodes do not give"
+        elif abs(value - scores[name]) > most:
+            yield f"claims {name} {value:.3f}; its episodes give {scores[name]:.3f}"
+
+
+def memorized(conditions: Mapping[str, Sequence[tuple[Frame, Frame]]]) -> dict[str, list[str]]:
+    """Return by condition the rates that are better in the public test than in fresh episodes.
+
+    There is a test for each condition and rate. All policies of a condition play the same public and the same
+    fresh episodes, some of which are easier than others, so the unit is an episode, with the mean over the
+    policies. P-values are corrected after Holm over all conditions and rates.
+
+    Args:
+        conditions: Condition -> tables of the public test and of the fresh episodes of each of its policies.
+    """
+    tests = [
+        (condition, label, *(_by_episode([pair[part] for pair in pairs], outcome) for part in (0, 1)), sign)
+        for condition, pairs in conditions.items()
+        for label, outcome, sign in (("completion", "goal", 1.0), ("collision", "collision", -1.0))
+    ]
+    p_values = holm([p_value(sign * public, sign * fresh) for _, _, public, fresh, sign in tests])
+    found: dict[str, list[str]] = {}
+    for (condition, label, public, fresh, _), corrected in zip(tests, p_values, strict=True):
+        if corrected < MOST_P:
+            found.setdefault(condition, []).append(
+                f"{label} rate {public.mean():.3f} in the public test, {fresh.mean():.3f} in fresh episodes "
+                f"(corrected p < {MOST_P:g}): it knows the test"
+            )
+    return found
+
+
+def _by_episode(tables: Sequence[Frame], outcome: str) -> np.ndarray:
+    """Return the share of each valid episode's agents that ended in a way: the mean over tables."""
+    shares = []
+    for table in tables:
+        rows = table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
+        shares.append((rows["outcome"] == outcome).groupby([rows["scenario"], rows["world"]]).mean())
+    return np.asarray(pd.concat(shares).groupby(level=[0, 1]).mean(), float)
+
+
+def p_value(larger: np.ndarray, smaller: np.ndarray) -> float:
+    """Return the one-sided p-value of a permutation test of means; 1 where there is nothing to compare."""
+    if not len(larger) or not len(smaller) or larger.mean() <= smaller.mean():
+        return 1.0
+    both = np.round(np.concatenate([larger, smaller]), 9)
+    values, counts = np.unique(both, return_counts=True)
+    rng = np.random.Generator(np.random.Philox(0))
+    drawn = rng.multivariate_hypergeometric(counts, len(larger), size=RESAMPLES) @ values
+    reached = int((drawn >= both[: len(larger)].sum() - 1e-6).sum())
+    return (1 + reached) / (RESAMPLES + 1)

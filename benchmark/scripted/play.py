@@ -217,19 +217,12 @@ def _unguarded(function: Callable[..., Any], doing: str) -> Callable[..., Any]:
 
 def _checked(given: Any, space: Space, driver: ScriptedPolicy, doing: str) -> Any:
     """Return what a policy has returned if it is an action of a space, else raise `OwnCodeError`."""
-    if isinstance(space, Discrete):
-        kinds, remedy = "iu", f"return a whole number from {space.start} to {space.start + space.n - 1}"
-    else:
-        kinds, numbers = ("iu", "whole numbers") if np.dtype(space.dtype).kind in "iu" else ("iuf", "numbers")
-        remedy = f"return finite {numbers} of shape {space.shape}"
-    try:
-        values = np.asarray(given)
-    except (TypeError, ValueError, RuntimeError):  # the last of a torch tensor that has gradients
-        values = np.zeros(0, object)
-    is_action = values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())
-    if isinstance(space, Discrete):
-        is_action = is_action and bool(space.start <= values < space.start + space.n)
-    if not is_action:
+    action, is_whole = np.asarray(given), np.dtype(space.dtype).kind in "iu"
+    fits = action.dtype.kind in ("iu" if is_whole else "iuf") and action.shape == space.shape
+    fits = fits and bool(np.isfinite(action).all())
+    if not fits or (isinstance(space, Discrete) and not space.contains(int(action))):
+        kind = "whole" if is_whole else "finite"
+        remedy = f"return {kind} numbers of the action space {space}"
         raise OwnCodeError(f"{doing} returns {shown(given)}", place=definition_of(driver.act), remedy=remedy)
     return given
 

@@ -6,8 +6,9 @@ from threading import Event
 
 import pytest
 
-from benchmark.experiment.config import Experiment, read_experiment
+from benchmark.experiment.config import read_experiment
 from benchmark.experiment.loggers import LOGGERS
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import logger_threads

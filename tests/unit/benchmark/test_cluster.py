@@ -8,7 +8,7 @@ import time
 import pytest
 import ray
 
-from benchmark.experiment.config import Resources
+from benchmark.experiment.models import Resources
 from benchmark.results.files import ResultsError
 from benchmark.running import jobs
 from benchmark.running.cluster import check_room, start_ray

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from benchmark.running.evaluate_agent import evaluate_agent
+from benchmark.running.evaluating import evaluate_agent
 from smarts.agents.hosting.options import HostError
 from smarts.errors import SmartsError
 from tests.served_agents import served

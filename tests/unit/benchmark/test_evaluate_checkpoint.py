@@ -6,7 +6,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.policy import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError

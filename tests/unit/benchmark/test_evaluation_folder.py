@@ -8,64 +8,31 @@ from typer.testing import CliRunner
 
 from benchmark.cli import app
 from benchmark.cli.experiments import show_metrics
-from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluation_folder import evaluation_folder
+from benchmark.results.files import ResultsError, new_folder
 from tests.hand_made_results import agent_episodes
 from tests.raising import raises
 
-ONE = {"policy": "ppo, two_way", "scenarios": ["two_way"], "traffic": "none"}
 
-
-def evaluated(out, what=ONE):
-    """Write an evaluation's files."""
-    with evaluation_folder(out, what) as folder:
-        assert not folder.table.exists()
-        folder.table.parent.mkdir(parents=True, exist_ok=True)
-        folder.table.write_text("rows")
-        (folder.episodes / "greedy-two_way").mkdir(parents=True)
-    return RunFolder(out)
-
-
-def test_the_same_evaluation_replaces_itself_and_leaves_other_files(tmp_path):
+def test_an_evaluation_is_in_its_folder_whole_or_not_at_all(tmp_path):
     out = tmp_path / "new"
-    folder = evaluated(out)
-    (out / "notes.txt").write_text("mine")
-    (folder.episodes / "greedy-old").mkdir()
-    evaluated(out)
-    assert (out / "notes.txt").read_text() == "mine"
-    assert not (folder.episodes / "greedy-old").exists()
-    assert (folder.episodes / "greedy-two_way").exists()
-
-
-def test_an_evaluation_that_fails_leaves_the_earlier_one(tmp_path):
-    folder = evaluated(tmp_path)
-    before = sorted(tmp_path.rglob("*"))
-    with suppress(KeyboardInterrupt), evaluation_folder(tmp_path, ONE) as again:
-        again.episodes.mkdir(parents=True)
-        again.table.write_text("half")
+    with suppress(KeyboardInterrupt), new_folder(out) as folder:
+        (folder / "half").write_text("rows")
         raise KeyboardInterrupt
-    assert folder.table.read_text() == "rows"
-    assert sorted(tmp_path.rglob("*")) == before
+    assert not [*tmp_path.iterdir()]
+    out.mkdir()
+    with new_folder(out) as folder:
+        (folder / "whole").write_text("rows")
+    assert (out / "whole").read_text() == "rows"
+    assert [*tmp_path.iterdir()] == [out]
 
 
-def test_another_evaluation_is_refused_and_nothing_is_lost(tmp_path):
-    folder = evaluated(tmp_path)
-    for other in ({"traffic": "dense"}, {"policy": "dqn, two_way"}):
-        (name,) = other
-        with raises(ResultsError, str(tmp_path), values=[name, ONE[name]]):
-            evaluated(tmp_path, ONE | other)
-    assert folder.table.read_text() == "rows"
-
-
-@pytest.mark.parametrize("name", ["notes.txt", "run.json"])
-def test_folders_of_something_else_are_refused(tmp_path, name):
-    (tmp_path / name).write_text("mine")
-    with raises(ResultsError, str(tmp_path), values=[name]):
-        evaluated(tmp_path)
-    assert [each.name for each in tmp_path.iterdir()] == [name]
-    with raises(ResultsError, str(tmp_path / name), values=[name]):
-        evaluated(tmp_path / name)
+def test_folders_that_hold_something_are_refused_and_nothing_is_lost(tmp_path):
+    file = tmp_path / "notes.txt"
+    file.write_text("mine")
+    for place in (tmp_path, file):
+        with raises(ResultsError, str(place)), new_folder(place):
+            pass
+    assert file.read_text() == "mine"
 
 
 @pytest.mark.parametrize(

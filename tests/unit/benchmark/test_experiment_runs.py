@@ -16,7 +16,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
 from benchmark.results.files import ResultsError, locked
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.played import held_out_of
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.commands import begin, finish, wait_for

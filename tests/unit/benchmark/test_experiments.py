@@ -139,7 +139,6 @@ def test_the_content_follows_what_training_depends_on_and_nothing_else(write):
         ("budget.agent_steps=1e30", "input should be less than or equal to 1000000000000"),
         ("budget.agent_steps=null", "budget: has neither agent_steps nor minutes"),
         ("budget.minutes=12:30", "budget.minutes is '12:30'; input should be a valid number"),
-        ("resources.address=foo", "resources.address: 'foo' is not where a Ray cluster can be; write auto"),
         ("training.gamma=7.0", "training.gamma: 7.0; "),
         ("evaluation.modes=[greedily]", "'greedy' or 'sampled'"),
         # choices that do not fit

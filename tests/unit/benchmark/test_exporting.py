@@ -12,7 +12,8 @@ import pytest
 import ray
 
 from benchmark import load_policy
-from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Resources
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder

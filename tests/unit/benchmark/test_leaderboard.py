@@ -131,7 +131,7 @@ def test_what_a_version_prescribes_is_one_protocol(tmp_path):
     }
 
 
-def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
+def test_summary_is_the_interquartile_mean_over_conditions(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": [["goal", "collision"]] * 12})
     experiment(tmp_path / "two", {"ppo": GOOD, "dqn": GOOD}, traffic=SOCIAL)
     place = f"ppo/intersection/{SOCIAL}"
@@ -142,11 +142,8 @@ def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
     }
     # Of 0.5 and 1, half of each counts.
     assert summary["one", "ppo"].completion == pytest.approx(0.75)
-    assert (summary["one", "ppo"].cells, summary["two", "dqn"].cells, summary["two", "dqn"].most_cells) == (
-        2,
-        1,
-        2,
-    )
+    one, two = summary["one", "ppo"], summary["two", "dqn"]
+    assert (one.conditions, two.conditions, two.most_conditions) == (2, 1, 2)
 
 
 def test_a_comparison_names_what_only_one_side_has(tmp_path):

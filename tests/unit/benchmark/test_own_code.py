@@ -6,11 +6,12 @@ import pytest
 import yaml
 
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Experiment, check_whole, read_experiment
+from benchmark.experiment.config import check_whole, read_experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
 from benchmark.metrics import METRICS, Measure
-from benchmark.report.values import NO_SHARE, measure_cells
+from benchmark.report.values import NO_SHARE, measure_conditions
 from benchmark.results.files import ResultsError
 from benchmark.running.experiment import run_experiment
 from benchmark.running.jobs import JobScheduler, jobs_of
@@ -133,7 +134,7 @@ def test_a_metric_that_is_no_share_in_one_row_has_no_interval_in_any(write):
     for name, values in (("ppo", [0.5, 1.0, 1.0, 0.5]), ("dqn", [1.5, 0.5, 0.25, 0.75])):
         table = agent_episodes([["goal"]] * 4, mode="greedy", algorithm=name, **labels)
         parts.append(table.assign(long=values))
-    found = measure_cells(pd.concat(parts), ["own_t:LONG"]).set_index("algorithm")
+    found = measure_conditions(pd.concat(parts), ["own_t:LONG"]).set_index("algorithm")
     assert found["value"].to_dict() == {"dqn": 0.75, "ppo": 0.75}
     assert found["low"].isna().all()
     assert [*found["note"]] == [NO_SHARE] * 2

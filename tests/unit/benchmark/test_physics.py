@@ -5,8 +5,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from benchmark.experiment.config import Evaluation, TrainingTask, read_experiment
+from benchmark.experiment.config import read_experiment
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import TaskSetting, task_settings_of
 from benchmark.running.environments import create, environment
 from benchmark.running.experiment import check_task_settings

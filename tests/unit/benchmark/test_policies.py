@@ -11,14 +11,15 @@ import ray
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark import load_policy
-from benchmark.experiment.config import Evaluation, Resources, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Evaluation, Resources
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.testing import ENGINE, EVALUATION_SEED, play_test
 from benchmark.running.training import _play, algorithm_of, checkpoint_files, restore
 from smarts.agents.benchmark import benchmark_interface

@@ -2,18 +2,16 @@
 
 import io
 import time
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
-from benchmark.experiment.config import Budget, Evaluation, Resources
+from benchmark.experiment.models import Budget, Evaluation, Resources
 from benchmark.experiment.runs import Run, ScriptedRun
 from benchmark.running import live
-from benchmark.running.estimate import ASSUMED, episodes_of, seconds_left
 from benchmark.running.jobs import JobState
-from benchmark.running.live import LiveProgress
+from benchmark.running.live import ASSUMED, LiveProgress, episodes_of, seconds_left
 from benchmark.running.messages import RunProgress
 
 NAME = "ppo, two_way, no_social_vehicles, seed 1"
@@ -31,7 +29,9 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
         shown.show([state], 2)
         return log.getvalue().splitlines()
 
-    training = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
+    line = {"iteration": 6, "agent_steps": 1500, "seconds": 60.0, "agent_steps_per_second": 867}
+    line |= {"return": 1.41, "completion": 0.75, "collision": 0.25}
+    training = RunProgress("training", 0.5, line)
     assert lines("waiting") == []
     assert lines("starting") == [f"{NAME}: starting ({live.STARTS})"]
     third = JobState("a third", iteration=12)  # type: ignore[arg-type]
@@ -44,7 +44,9 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("training", training) == []
     monkeypatch.setattr(live, "SECONDS", 0.0)
     assert lines("training", training) == []  # nothing is new
-    assert lines("training", replace(training, iteration=7)) == [expected.replace("6", "7", 1)]
+    assert lines("training", RunProgress("training", 0.5, line | {"iteration": 7})) == [
+        expected.replace("6", "7", 1)
+    ]
     assert lines("testing", RunProgress("testing", 0.25)) == [f"{NAME}: testing 25%"]
     monkeypatch.setattr(live, "TOTAL_SECONDS", -1.0)
     failed, total = lines("failed", error="[red] no")
@@ -66,7 +68,7 @@ def test_the_time_left_follows_budgets_then_what_jobs_of_the_same_name_took():
     whole = 3000 / steps + 28 / episodes
     assert seconds_left(states, 1) == pytest.approx(2 * whole + 20 / episodes)
     assert seconds_left(states, 8) == pytest.approx(whole)
-    states[0].progress = RunProgress("training", 0.5, agent_steps=1500, seconds=30.0)
+    states[0].progress = RunProgress("training", 0.5, {"agent_steps": 1500, "seconds": 30.0})
     states[0].rates["training"] = 50.0  # the first has 30 s left, and the second the whole minute
     assert seconds_left(states[:2], 1) == pytest.approx(30 + 24 / episodes + 60 + 28 / episodes)
     states[0].status, states[0].rates["testing"] = "finished", 4.0

@@ -8,19 +8,21 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 from benchmark.metrics import METRICS
 from benchmark.report.against_paper import compare_with
 from benchmark.report.content import make_report
+from benchmark.report.html import pictures
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text, table
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
 from benchmark.report.robustness import robustness_of
-from benchmark.report.summary import draw_profile, summaries_of
+from benchmark.report.summary import summaries_of
 from benchmark.report.tables import difference_notes
 from benchmark.report.values import Value
 from benchmark.report.wording import (
@@ -201,7 +203,7 @@ class TestAgainstThePaper:
         assert "misprint" in not_counted(cell)
         assert cells_of(report, "maddpg")["intersection", ALONE].counts
         _, first, left_out = standing(report)
-        assert "1 of 1 cells that count" in first
+        assert "1 of 1 conditions that count" in first
         assert "not counted: Intersection, No Social Vehicle: PPO (random passes" in left_out
         assert "MADDPG" not in left_out
 
@@ -466,10 +468,12 @@ def test_page_text_and_table_have_the_same_numbers(folder):
     assert interval in texts
 
 
-def test_pictures_are_pictures(folder):
+def test_pictures_are_pictures_that_need_nothing_else(folder):
     for name in ("radar", "radar_all", "learning_curves", "outcomes"):
-        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert f"({name}.png)" in (folder / "report.md").read_text()
+        picture = ElementTree.parse(folder / f"{name}.svg").getroot()
+        assert picture.tag == "{http://www.w3.org/2000/svg}svg"
+        assert not re.search(r"href|url\(|@import", (folder / f"{name}.svg").read_text())
+        assert f"({name}.svg)" in (folder / "report.md").read_text()
 
 
 def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
@@ -542,7 +546,8 @@ class TestSummaries:
         # Of four pairs three are won and one is a tie.
         assert improvement["DQN", "PPO"].startswith("0.12 [")
         assert {text for pair, text in improvement.items() if "MAAC" in pair} == {"n/a: one seed"}
-        assert draw_profile(summaries).startswith(b"\x89PNG")
+        for picture in pictures(report, summaries).values():
+            ElementTree.fromstring(picture)
 
     def test_are_of_the_seeds_that_have_finished_all_cells(self, tmp_path):
         """PPO has a third seed in one cell; DQN has no seed that finished both."""

@@ -3,17 +3,14 @@
 import re
 
 import pytest
-from matplotlib.colors import to_rgba
 
+from benchmark.report import drawing
 from benchmark.report.content import Report, TableCell, make_report
-from benchmark.report.curves import SHOWN, draw_curves
 from benchmark.report.episode_pages import Replays
-from benchmark.report.html import report_page
+from benchmark.report.html import pictures, report_page
 from benchmark.report.latex import main_table
-from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
 from benchmark.report.robustness import robustness_of
-from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.wording import mark
 from benchmark.results.reading import read_results
@@ -80,28 +77,31 @@ class TestMarks:
 
 
 def test_outcomes_are_those_of_the_main_mode(report):
-    axes = new_figure(3, 3).add_subplot()
-    draw_outcomes(axes, report, "intersection", ALONE)
-    names = [name for name, _ in report.names]
-    bars = dict(zip(("completion_rate", "collision_rate"), axes.containers, strict=True))
-    for outcome, shares in (
-        ("completion_rate", {"ppo": 1.0, "dqn": 0.75}),
-        ("collision_rate", {"ppo": 0.0, "dqn": 0.25}),
-    ):
-        drawn = {name: bar.get_width() for name, bar in zip(names, bars[outcome], strict=True)}
-        assert drawn == pytest.approx(shares)
-        assert bars[outcome][0].get_facecolor() == to_rgba(OUTCOME_COLOURS[outcome])
+    picture = pictures(report, Summaries({"completion": {}}))["outcomes"]
+    widths = {name: [] for name in ("completion_rate", "collision_rate")}
+    for width, name in re.findall(r'width="([\d.]+)" height="20" fill="var\(--(\w+)\)"', picture):
+        widths[name].append(float(width))
+    dqn, ppo = (drawing.shares(report, name, "intersection", ALONE) for name in ("dqn", "ppo"))
+    assert (dqn["completion_rate"], dqn["collision_rate"]) == (0.75, 0.25)
+    assert (ppo["completion_rate"], ppo["collision_rate"]) == (1.0, 0.0)
+    whole = max(widths["completion_rate"])
+    assert sorted(widths["completion_rate"]) == pytest.approx([0.75 * whole, whole], abs=0.1)
+    assert widths["collision_rate"] == pytest.approx([0.25 * whole], abs=0.1)
 
 
 def test_a_learning_curve_is_the_mean_of_its_seeds_in_their_band(report):
-    panels = new_figure(3, 5).subplots(len(SHOWN), 1)
-    draw_curves(panels, report, "intersection", ALONE)
-    completion = panels[SHOWN.index("completion")]
-    line = {line.get_label(): line for line in completion.get_lines()}["PPO"]
-    # From 0 to 0.5, and 0 all the time.
-    assert (line.get_ydata()[0], line.get_ydata()[-1]) == (0.0, 0.25)
-    box = completion.collections[0].get_paths()[0].get_extents()
-    assert (box.ymin, box.ymax) == (0.0, 0.5)
+    panel = drawing.curves(report, "intersection", ALONE, "completion")
+    (curve,) = [curve for curve in panel.curves if curve[0].label == "PPO"]
+    _, mean, seeds, band, _ = (places(text) if isinstance(text, str) else text for text in curve)
+    # From 0 to 0.5, and 0 all the time; 0 is at the bottom of a square of 1000.
+    assert (mean[0][1], mean[-1][1]) == (1000, 750)
+    assert {y for _, y in (seeds[-1], seeds[len(seeds) // 2 - 1])} == {1000, 500}
+    assert (min(y for _, y in band), max(y for _, y in band)) == (500, 1000)
+
+
+def places(path):
+    """Return the places of a path of SVG."""
+    return [tuple(map(int, place)) for place in re.findall(r"[ML](-?\d+) (-?\d+)", path)]
 
 
 @pytest.mark.parametrize(

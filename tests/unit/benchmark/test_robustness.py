@@ -10,7 +10,8 @@ from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark import load_policy
 from benchmark.experiment import conditions as known_conditions
 from benchmark.experiment.conditions import AS_TRAINED, Condition
-from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Resources
 from benchmark.experiment.runs import runs_of, scripted_runs_of
 from benchmark.metrics import read_table
 from benchmark.results.commands import keep_command
@@ -22,7 +23,7 @@ from benchmark.running import robustness
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.playing_together import TrainedDriver
-from benchmark.running.robustness import Given, cells_of, play_robustness
+from benchmark.running.robustness import Given, play_robustness, policies_of
 from benchmark.running.testing import play_scripted
 from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter
@@ -116,7 +117,7 @@ def test_a_condition_that_changes_nothing_plays_the_test_again(played, name):
 
 
 def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch):
-    (cell,) = cells_of(trained, Given(algorithms=("ppo",)))
+    (policies,) = policies_of(trained, Given(algorithms=("ppo",)))
 
     def drivers(env, *given):
         twins = [load_policy(run_place(trained, "ppo")) for _ in range(2)]
@@ -126,7 +127,7 @@ def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch):
     written = {}
     monkeypatch.setattr(robustness, "write_table", lambda table, path: written.update(table=table))
     monkeypatch.setattr(robustness, "write_versioned", lambda path, content: None)
-    robustness._play(cell, Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "twin", 1), {})
+    robustness._play(policies, Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "twin", 1), {})
     assert rows(written["table"]) == of_test(trained, "ppo")
 
 
@@ -147,8 +148,8 @@ def test_messages_come_from_the_own_kind_alone(trained):
     policy = load_policy(run_place(trained, "commnet"))
     assert policy.needs_others
     assert not load_policy(run_place(trained, "ppo")).needs_others
-    (cell,) = cells_of(trained, Given())
-    env = environment(cell.setting)
+    (policies,) = policies_of(trained, Given())
+    env = environment(policies.setting)
     now = env.reset(1)
     (leaves,) = now.observations
     generator = np.random.default_rng(0)
@@ -216,6 +217,6 @@ def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
 )
 def test_what_is_not_there_is_named_before_anything_is_played(trained, given, kind, said):
     with pytest.raises(kind) as caught:
-        cells_of(trained, given)
+        policies_of(trained, given)
     assert said in str(caught.value)
     assert not (trained / ROBUSTNESS).exists()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError, files_in, write_files
 from benchmark.results.progress import read_progress

@@ -6,7 +6,7 @@ import os
 import pytest
 import ray
 
-from benchmark.experiment.config import Resources
+from benchmark.experiment.models import Resources
 from benchmark.results.files import ResultsError
 from benchmark.running.cluster import start_ray
 from benchmark.running.side_by_side import side_by_side

@@ -2,7 +2,7 @@
 
 import shutil
 
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import ray
 
-from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Resources
 from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.files import write_files
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import training
 from benchmark.running.cluster import start_ray
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.messages import Began
 from benchmark.running.writing import RunWriter
 

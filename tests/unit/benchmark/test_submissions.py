@@ -18,7 +18,7 @@ from benchmark.results.files import ResultsError
 from benchmark.results.release import MANIFEST, MARKED, episode_digests, read_manifest, scores_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.blind import BlindAgent
-from benchmark.running.evaluate_agent import evaluate_exported, play_agent
+from benchmark.running.evaluating import evaluate_exported, play_agent
 from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import write_release
 from benchmark.running.submissions import agent_of, check_manifest, submitted
@@ -435,5 +435,5 @@ class TestReleases:
         with raises(ResultsError, root, values=["seed 1 has no last checkpoint here"]):
             write_release(root, tmp_path / "release", is_partial=True)
         assert not (tmp_path / "release").exists()
-        with raises(ResultsError, root, values=["is there already"]):
+        with raises(ResultsError, root, values=["holds "]):
             write_release(root, root)

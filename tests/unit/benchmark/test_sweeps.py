@@ -9,10 +9,11 @@ import yaml
 from ray import tune
 from ray.tune.search.sample import Float, Integer
 
-from benchmark.experiment.config import Tune, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Tune
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
-from benchmark.running.choosing import SweepError, mean_over_cells, text_of, write_chosen
+from benchmark.running.choosing import SweepError, mean_over_conditions, text_of, write_chosen
 from benchmark.running.sweeping import (
     _check_same_search,
     _tuner,
@@ -177,7 +178,7 @@ def test_the_best_on_average_over_cells_is_chosen(experiment, tmp_path):
 def test_cells_with_different_settings_are_not_averaged():
     one, other = (pd.DataFrame({"lr": [0.1, lr], "completion": [0.5, 0.6]}) for lr in (0.2, 0.3))
     with raises(SweepError, values=["different settings"]):
-        mean_over_cells([one, other], ["lr"], "completion", "here")
+        mean_over_conditions([one, other], ["lr"], "completion", "here")
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import re
 import pandas as pd
 import yaml
 
-from benchmark.experiment.config import Evaluation, Experiment, TrainingTask
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Evaluation, Experiment, TrainingTask
 from benchmark.experiment.runs import TaskSetting, scripted_runs_of
 from benchmark.metrics import join_tables
 from benchmark.metrics.table import read_table

@@ -1,4 +1,4 @@
-"""Whether a cell with social vehicles is one."""
+"""Whether social vehicles matter in a condition."""
 
 import numpy as np
 import pytest
@@ -110,9 +110,9 @@ def test_a_cell_that_is_one_in_name_only_is_not_counted_against_the_paper(tmp_pa
     assert [(cell.traffic, cell.counts) for cell in maddpg.cells] == [(ALONE, True), (SOCIAL, False)]
     said = " ".join(standing(report))
     assert "Social vehicles hardly matter in intersection" in said
-    assert "in 1 of 1 cells that count" in said
+    assert "in 1 of 1 conditions that count" in said
     assert "not counted: Intersection, Random Social Vehicle: MADDPG (" in said
-    assert "hardly differs from the cell without social vehicles" in said
+    assert "hardly differs from the condition without social vehicles" in said
 
 
 def test_what_is_odd_about_the_papers_figures(tmp_path):

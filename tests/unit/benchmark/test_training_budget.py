@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import pytest
 import ray
 
-from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.models import Resources
 from benchmark.experiment.runs import runs_of
 from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import RunFolder

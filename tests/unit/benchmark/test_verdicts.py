@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 from benchmark.metrics import read_table
-from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
-from benchmark.report.submissions import MAY_EXCHANGE, Submitted, marks_of
+from benchmark.report.leaderboard import (
+    MAY_EXCHANGE,
+    Submitted,
+    make_leaderboard,
+    marks_of,
+    write_leaderboard,
+)
 from benchmark.results.files import ResultsError, read_json, write_json
 from benchmark.results.release import CONFIRMED, MANIFEST, MARKED, REFUSED, Entry, episode_digests, scores_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
-from benchmark.running.judging import compared_digests, differences, memorized, p_value
+from benchmark.running.verifying import compared_digests, differences, memorized, p_value
 from smarts.agents.hosting.options import HostError
 from smarts.errors import TrafficError
 from tests.hand_made_results import ALONE, agent_episodes

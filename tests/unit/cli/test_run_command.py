@@ -13,8 +13,8 @@ from benchmark.experiment.runs import runs_of
 from benchmark.metrics import write_table
 from benchmark.report import writing
 from benchmark.results.run_folder import FINISHED, RunFolder
-from benchmark.running.estimate import episodes_of, plan
 from benchmark.running.jobs import JobState, jobs_of
+from benchmark.running.live import episodes_of, plan
 from tests.hand_made_results import ALONE, agent_episodes
 
 CONFIG = """

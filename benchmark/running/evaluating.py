@@ -1,28 +1,29 @@
-"""Evaluates an agent of the zoo, or one at an address, as trained policies are: it drives all egos."""
+"""Evaluates trained policies in any scenario, and agents of the zoo or at an address in their place."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.experiment.values import name_of
+from benchmark.results.files import check_free, new_folder
 from benchmark.results.release import check_released
-from benchmark.results.run_folder import RunFolder
-from benchmark.running.environments import environment
-from benchmark.running.evaluation_folder import check_free, evaluation_folder
+from benchmark.results.run_folder import RunFolder, changes_since
 from benchmark.running.importing import named_own_code
+from benchmark.running.played import scenario_digests
 from benchmark.running.playing_together import play_together
-from benchmark.running.testing import EVALUATION_SEED, Part, play_parts, read_test
+from benchmark.running.policy import Policy, read_run
+from benchmark.running.testing import EVALUATION_SEED, play_parts, play_test, read_test
 from benchmark.running.trained import check_suite, trained_on
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
@@ -32,6 +33,7 @@ from smarts.env.groups import ALONE
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own
+from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent
@@ -67,7 +69,7 @@ def evaluate_agent(
         episodes: How many.
         agents: How many egos there are.
         options: Options of the agent.
-        out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
+        out: Folder for the table and the recorded episodes: new or empty.
         imports: Files and folders of own code.
 
     Raises:
@@ -84,19 +86,12 @@ def evaluate_agent(
                 place=f"agent {locator!r}",
                 remedy="derive it from BatchAgent, which acts on arrays",
             )
-        task_setting = TaskSetting(
-            fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario"),
-            traffic or TRAFFIC,
-            _environment(agent, interface, agents, engine, f"agent {locator!r}"),
-            Evaluation(episodes=episodes, keep_episodes=out is not None),
-            num_envs=1,
-            imports=tuple(str(Path(each).absolute()) for each in imports),
-        )
-        evaluated = {"agent": locator, "options": repr(dict(options or {})), "agents": agents}
-        evaluated |= {"traffic_engine": engine} if engine else {}
+        task = {"name": name_of(scenarios), "scenarios": [*scenarios]}
+        driven = _environment(agent, interface, agents, engine, f"agent {locator!r}")
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
-            return _tested(task_setting, out, evaluated, agent, labels, SCRIPTED)
+            setting = _setting(task, traffic or TRAFFIC, driven, episodes, out, imports)
+            return _tested(setting, out, agent, labels, SCRIPTED)
     finally:
         if isinstance(agent, RemoteAgent):
             agent.close()
@@ -120,21 +115,32 @@ def _environment(
     return fitted(given, Environment, place)
 
 
-def _tested(
-    setting: TaskSetting,
+def _setting(
+    task: Mapping[str, Any],
+    traffic: str,
+    given: Environment,
+    episodes: int,
     out: Path | None,
-    evaluated: Mapping[str, Any],
-    agent: BatchAgent,
-    labels: Mapping[str, Any],
-    mode: str,
+    imports: Sequence[str | Path],
+) -> TaskSetting:
+    return TaskSetting(
+        fitted(task, TrainingTask, "--scenario"),
+        traffic,
+        given,
+        Evaluation(episodes=episodes, keep_episodes=out is not None),
+        num_envs=1,
+        imports=tuple(str(Path(each).absolute()) for each in imports),
+    )
+
+
+def _tested(
+    setting: TaskSetting, out: Path | None, agent: BatchAgent, labels: Mapping[str, Any], mode: str
 ) -> pd.DataFrame:
     """Play a test into its folder, and return its table."""
-    played = {"scenarios": [*setting.task.scenarios], "traffic": setting.traffic}
-    played |= {"episodes": setting.evaluation.episodes}
-    with evaluation_folder(out, {**evaluated, **played}) as folder:
-        for share in play_agent(setting, folder, agent, labels, mode=mode):
+    with new_folder(out) as folder:
+        for share in play_agent(setting, RunFolder(folder), agent, labels, mode=mode):
             print(f"{share:.0%}", file=sys.stderr)
-        return read_test(folder, setting)
+        return read_test(RunFolder(folder), setting)
 
 
 def play_agent(
@@ -160,21 +166,18 @@ def play_agent(
         SmartsError: The agent fails, or answers what is no action.
     """
 
-    def play_part(part: Part, indices: range, record: Path) -> None:
-        with closing(
-            environment(
-                task_setting,
-                num_envs=1,
-                scenarios=part.scenarios,
-                record=record,
-                observation=agent.observation,
-                policy=str(labels["algorithm"]),
-            )
-        ) as env:
-            everyone = np.ones(len(env.agents), np.bool_)
-            play_together(env, [(_AgentDriver(agent, env), everyone)], indices, seed)
+    def play(env: VectorHiWayEnv, indices: range, _: str) -> None:
+        everyone = np.ones(len(env.agents), np.bool_)
+        play_together(env, [(_AgentDriver(agent, env), everyone)], indices, seed)
 
-    yield from play_parts(task_setting, folder, (mode,), labels, play_part)
+    seen = {"num_envs": 1, "observation": agent.observation, "policy": str(labels["algorithm"])}
+    yield from play_parts(task_setting, folder, (mode,), labels, play, **seen)
+
+
+def _changes(agents: int | None, engine: str | None) -> dict[str, Any]:
+    """Return what differs from the environment of the training."""
+    changes = {"agents": agents, "traffic_engine": engine}
+    return {key: value for key, value in changes.items() if value is not None}
 
 
 def evaluate_exported(
@@ -199,7 +202,7 @@ def evaluate_exported(
         episodes: How many.
         agents: Number of agents, the first ones of the training; by default all.
         engine: Traffic engine, by default that on which the training is tested.
-        out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
+        out: Folder for the table and the recorded episodes: new or empty.
         imports: Files and folders of own code that the scenarios name.
 
     Raises:
@@ -213,20 +216,14 @@ def evaluate_exported(
     if not scenarios:
         check_suite(trained, path)
     agent = ExportedPolicy(path, TEAM)
-    given = [*(scenarios or trained.scenarios)]
-    name = name_of(given) if scenarios else trained.task
-    changes = {"agents": agents, "traffic_engine": engine}
-    changes = {key: value for key, value in changes.items() if value is not None}
-    task_setting = TaskSetting(
-        fitted({"name": name, "scenarios": given}, TrainingTask, "--scenario"),
-        traffic or trained.traffic,
-        fitted(trained.environment | changes, Environment, str(path)),
-        Evaluation(episodes=episodes, keep_episodes=out is not None),
-        num_envs=1,
-        imports=tuple(str(Path(each).absolute()) for each in imports),
-    )
+    task = {
+        "name": name_of(scenarios) if scenarios else trained.task,
+        "scenarios": [*(scenarios or trained.scenarios)],
+    }
+    driven = fitted(trained.environment | _changes(agents, engine), Environment, str(path))
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    return _tested(task_setting, out, {"policy": str(path.resolve()), **changes}, agent, labels, "greedy")
+    setting = _setting(task, traffic or trained.traffic, driven, episodes, out, imports)
+    return _tested(setting, out, agent, labels, "greedy")
 
 
 class _AgentDriver:
@@ -290,3 +287,73 @@ class _AgentDriver:
             seed=np.array(seeds, np.uint64),
             drives=np.ones(count, np.bool_),
         )
+
+
+def evaluate_checkpoint(
+    path: Path,
+    *,
+    scenarios: Sequence[str] = (),
+    traffic: str | None = None,
+    episodes: int = 50,
+    modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
+    checkpoint: Literal["last", "best"] = "last",
+    agents: int | None = None,
+    engine: str | None = None,
+    out: Path | None = None,
+    imports: Sequence[str | Path] = (),
+) -> pd.DataFrame:
+    """Return the table of a test of a run's policy, for `benchmark.metrics.compute`.
+
+    Args:
+        path: The run's folder, which is not changed.
+        scenarios: Scenarios to play, by default the training's.
+        traffic: Traffic to play, by default the training's.
+        episodes: Number of episodes for each mode.
+        modes: Ways of acting.
+        checkpoint: The last, or the best in validation.
+        agents: Number of agents, by default the training's; networks that agents share are of any number.
+        engine: Traffic engine, by default that of the training's tests.
+        out: Folder for the table and the recorded episodes: new or empty.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` holds something else.
+        SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
+        CheckpointError: The run's algorithm, or a setting of its networks, is another now.
+        SpaceError: The scenarios have other agents than the training, or these see or do something else.
+        OwnCodeError: Own code cannot be imported, or raises.
+    """
+    check_free(out)  # before anything is loaded
+    folder = RunFolder(path)
+    trained = read_run(folder, imports)
+    task = trained.task_setting.task
+    if scenarios:
+        task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
+    asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
+    environment = trained.task_setting.environment
+    if agents is not None and isinstance(environment.agents, dict):
+        raise SmartsError("its agents have names, so there are no others", place="--agents")
+    changes = _changes(agents, engine)
+    asked["environment"] = fitted(environment.model_dump() | changes, Environment, str(path))
+    run = replace(trained, task_setting=replace(trained.task_setting, **asked))
+    for scenario in run.task_setting.task.scenarios:
+        build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
+            run.task_setting.environment.mission_count
+        )
+    task_setting = run.task_setting
+    is_alike = task_setting.traffic == trained.task_setting.traffic and agents is None
+    scenarios_now = scenario_digests(task_setting) if is_alike else {}
+    for what in changes_since(folder, trained.content(), scenarios_now):
+        print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
+    kept = folder.kept(checkpoint)
+    with new_folder(out) as answer, named_own_code("the run's own code"):
+        policies = {
+            mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes
+        }
+        discount = policies[modes[0]].discount
+        for _ in play_test(
+            run, RunFolder(answer), discount, lambda env, part, mode: policies[mode].play(env, part)
+        ):
+            pass
+        return read_test(RunFolder(answer), task_setting)
