@@ -13,7 +13,7 @@ import typer
 
 from benchmark.cli.experiments import Import
 from benchmark.results.files import write_whole
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.errors import UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
     from benchmark.scripted.play import Tally
@@ -69,10 +69,6 @@ def scripted(
     _check_policies(chosen)
     for name in scenarios:
         locate(name)
-    if out is not None and out.suffix != ".csv":
-        raise SmartsError(
-            f"the table {out.name!r} is no CSV file", place="--out", remedy="use the suffix .csv"
-        )
     header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
     lines: list[Sequence[str]] = [COLUMNS]
     for policy, name in itertools.product(chosen, scenarios):

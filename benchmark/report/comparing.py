@@ -89,29 +89,18 @@ def read_side(path: Path) -> Side:
 
 def _root_of(path: Path) -> tuple[Path, str]:
     """Return an experiment's folder, and the algorithm whose folder is given, "" for the experiment's."""
-    remedy = "give results/NAME[/ALGORITHM]"
     whole = path.resolve()
     root = whole.parents[1] if whole.parent.name == SCRIPTED else whole.parent
     if not path.is_dir() and not (root / RUNS).exists():
-        raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
-    if whole == whole.parent:
-        raise ResultsError("no results of an experiment", place=str(path), remedy=remedy)
+        raise ResultsError("there is no such folder", place=str(path), remedy="give results/NAME[/ALGORITHM]")
     if holds_results(path):
         return path, ""
     return root, whole.name
 
 
 def with_distinct_names(first: Side, second: Side) -> tuple[Side, Side]:
-    """Return both sides with distinct names; experiments with equal names get their paths.
-
-    Raises:
-        ResultsError: They are the same.
-    """
+    """Return both sides with distinct names; experiments with equal names get their paths."""
     roots = [each.results.root.resolve() for each in (first, second)]
-    if first.path.resolve() == second.path.resolve():
-        raise ResultsError(
-            "is given twice", place=str(second.path), remedy="name two experiments or algorithms"
-        )
     if roots[0] == roots[1] or first.name != second.name:
         return first, second
     return replace(first, name=str(first.results.root)), replace(second, name=str(second.results.root))

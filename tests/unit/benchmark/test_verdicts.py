@@ -18,7 +18,7 @@ from benchmark.report.leaderboard import (
 from benchmark.results.files import ResultsError, read_json, write_json
 from benchmark.results.release import CONFIRMED, MANIFEST, MARKED, REFUSED, Entry, episode_digests, scores_of
 from benchmark.results.run_folder import RunFolder
-from benchmark.running import judging, verifying
+from benchmark.running import verifying
 from benchmark.running.verifying import compared_digests, differences, memorized, p_value
 from smarts.agents.hosting.options import HostError
 from smarts.errors import TrafficError
@@ -222,7 +222,7 @@ def test_all_seeds_of_a_cell_are_tested_together():
 def test_a_difference_is_judged_among_all_cells_of_a_submission():
     """All seven failures are fresh: p = C(10, 7) / C(20, 7); the rate of collisions is a second test."""
     public, fresh = played([["goal"]] * 10), played([["goal"]] * 3 + [["time_out"]] * 7)
-    found = p_value(*(judging._by_episode([each], "goal") for each in (public, fresh)))
+    found = p_value(*(verifying._by_episode([each], "goal") for each in (public, fresh)))
     assert abs(found - math.comb(10, 7) / math.comb(20, 7)) < 0.0005
     cells = {f"cell {number}": [(public, public)] for number in range(20)}
     assert memorized({"cell": [(public, fresh)]})
