@@ -58,9 +58,9 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
         "import resource, signal, sys; from pathlib import Path\n"
         "from benchmark.results.files import write_json, ResultsError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "write_json(Path(sys.argv[1]), 1)\n"
+        "write_json(Path(sys.argv[1]), {'a': 1})\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "try: write_json(Path(sys.argv[1]), 'x' * 5000)\n"
+        "try: write_json(Path(sys.argv[1]), {'a': 'x' * 5000})\n"
         "except ResultsError as error: print(error)\n"
     )
     file = tmp_path / "a.json"
@@ -69,7 +69,7 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     ).stdout
     assert "cannot be written: File too large" in out
     assert "free some space" in out
-    assert read_json(file) == 1
+    assert read_json(file) == {"a": 1}
     assert [*tmp_path.iterdir()] == [file]
 
 
