@@ -83,13 +83,13 @@ def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
     with training.algorithm_of(run) as algo:
         first, writer = one(algo), begun(run, folder)
         taken = (writer.take(message) for message in first.go())
-        assert next(filter(None, taken)).seconds == TRAINING
+        assert next(filter(None, taken)).line["seconds"] == TRAINING
         assert (first.ended_by, first.validations) == (None, 1)
     clock.now += 10_000.0  # nobody is there
     with training.algorithm_of(run) as algo:
         second, writer = one(algo), begun(run, folder)
         # Three seconds in all, of which the first was before the restart.
         taken = (writer.take(message) for message in second.go())
-        assert [progress.seconds for progress in taken if progress] == [2.0, 3.0]
+        assert [progress.line["seconds"] for progress in taken if progress] == [2.0, 3.0]
         assert (second.ended_by, second.validations) == ("minutes", 3)
     assert read_progress(folder.progress)["seconds"].tolist() == [1.0, 2.0, 3.0]
