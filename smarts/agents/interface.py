@@ -182,8 +182,14 @@ class AgentInterface:
         """Return the interface of an agent type, with some fields changed.
 
         Raises:
-            InterfaceError: A change is not possible.
+            InterfaceError: There is no such type, or a change is not possible.
         """
+        if requested_type not in _PRESETS:
+            raise InterfaceError(
+                f"there is no agent type {requested_type!r}",
+                place="AgentInterface.from_type",
+                remedy=f"give a member of AgentType: {nearest_names(str(requested_type), AgentType.__members__)}",
+            )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 
     def replace(self, **changes: Any) -> AgentInterface:

@@ -107,3 +107,8 @@ def test_numbers_of_numpy_become_those_of_python():
     assert (option, type(option.lookahead), type(option.spacing)) == (Waypoints(9, 2.0), int, float)
     assert type(Signals(lookahead=3).lookahead) is float
     assert type(AgentInterface(max_episode_steps=np.int32(5)).max_episode_steps) is int
+
+
+def test_unknown_types():
+    with raises(InterfaceError, "AgentInterface.from_type", values=["'Laner'"]):
+        AgentInterface.from_type("Lanner")
