@@ -185,10 +185,11 @@ class AgentInterface:
             InterfaceError: There is no such type, or a change is not possible.
         """
         if requested_type not in _PRESETS:
+            nearest = nearest_names(str(requested_type), AgentType.__members__)
             raise InterfaceError(
                 f"there is no agent type {requested_type!r}",
                 place="AgentInterface.from_type",
-                remedy=f"give a member of AgentType: {nearest_names(str(requested_type), AgentType.__members__)}",
+                remedy=f"give a member of AgentType: {nearest}",
             )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 

@@ -13,7 +13,7 @@ from smarts.arrays import Bools, Singles
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
-from smarts.registry import is_own_name, load_own
+from smarts.registry import adopted, is_own_name
 from smarts.rewards.own import Reward, make_rewards
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
@@ -113,7 +113,7 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
 
     Raises:
         InterfaceError: The adapter is no `module:Class`, or there are options without one.
-        OwnCodeError: A `module:Class` is not importable.
+        OwnCodeError: A `module:Class` is not importable, or lacks a method.
     """
     if adapter is None:
         if options:
@@ -131,5 +131,16 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
                 place="adapter",
                 remedy=f"give observation={adapter!r}, or an adapter of your own (smarts/env/adapters.py)",
             )
-        make = load_own(adapter, "adapter")
+        make = adopted("adapter", adapter, _adopt)
     return make
+
+
+def _adopt(name: str, found: Any) -> Any:
+    """Return a user's adapter: a class with the methods of `ArrayAdapter`, or a function that makes one."""
+    missing = [each for each in ("collect", "reset") if not callable(getattr(found, each, None))]
+    if isinstance(found, type) and missing:
+        raise ValueError(
+            f"has no method {missing[0]!r}: see smarts/env/adapters.py, or derive it from "
+            "ObservationAndReward"
+        )
+    return found

@@ -89,6 +89,7 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
     """Write H.264 by the encoder that comes with PyAV; return the number of frames."""
     # Only those who write films wait for it.
     import av
+    from av.error import FFmpegError
     from av.video.stream import VideoStream
 
     # Colours have half the resolution: an odd row or column would have none.
@@ -96,14 +97,21 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
     first = next(images)
     frames = 0
     rate = Fraction(1 / seconds).limit_denominator(1000)
-    with av.open(str(out), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=rate, options={"crf": str(QUALITY)})
-        assert isinstance(stream, VideoStream)
-        stream.height, stream.width = first.shape[:2]
-        stream.pix_fmt = "yuv420p"
-        for image in chain([first], images):
-            whole = np.ascontiguousarray(image)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(whole, format="rgb24")))
-            frames += 1
-        container.mux(stream.encode(None))
+    try:
+        with av.open(str(out), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            stream = container.add_stream("libx264", rate=rate, options={"crf": str(QUALITY)})
+            assert isinstance(stream, VideoStream)
+            stream.height, stream.width = first.shape[:2]
+            stream.pix_fmt = "yuv420p"
+            for image in chain([first], images):
+                whole = np.ascontiguousarray(image)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(whole, format="rgb24")))
+                frames += 1
+            container.mux(stream.encode(None))
+    except FFmpegError as error:
+        raise SmartsError(
+            f"the film cannot be encoded: {error.strerror}",
+            place=out.name,
+            remedy="check that there is room on the disk",
+        ) from error
     return frames
