@@ -64,7 +64,7 @@ def start_process(
 
 
 def end_process(process: subprocess.Popen, folder: str) -> None:
-    """End an agent's process and those that it has started, and remove its temporary files."""
+    """End an agent's process and its children, and remove its temporary files."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     with process:

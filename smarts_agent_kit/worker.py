@@ -42,7 +42,7 @@ def work(given: Mapping[str, Any]) -> None:
 
 
 def _end_with_simulator(lifeline: int, connection: int, folder: str) -> None:
-    """Kill this process and those that it has started when the simulator ends; remove its temporary files."""
+    """Kill this process and its children when the simulator ends; remove its temporary files."""
     poll = select.poll()
     poll.register(lifeline, select.POLLIN | select.POLLHUP)
     poll.register(connection, select.POLLRDHUP | select.POLLHUP)

@@ -33,5 +33,7 @@ def wait_for(condition, process):
     end = time.monotonic() + LIMIT
     while not condition():
         assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, "nothing happened"
+        if time.monotonic() > end:
+            process.kill()
+            raise AssertionError("nothing happened")
         time.sleep(0.05)

@@ -67,7 +67,7 @@ def differences(
 
 
 def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Standing]:
-    """Return how entries stand in one condition; a rank is one more than the number of those that are better.
+    """Return how entries stand in one condition; a rank is one more than the number of better entries.
 
     One is better than another by its completion rate, or by its collision rate where completion is a tie. So
     entries between which nothing is decided, and than which the same others are better, have the same rank.

@@ -33,7 +33,7 @@ def look(name: str, among: Sequence[str] = ()) -> tuple[int, str]:
 
     Args:
         name: Name of the algorithm.
-        among: All algorithms of the report; those that the registry lacks get the colours after its own.
+        among: All algorithms of the report; unregistered ones get the colours after the registered ones.
     """
     known = [*dict.fromkeys([*paper()["algorithms"], *ALGORITHMS, *among])]
     turn, number = divmod(known.index(name), len(PALETTE))

@@ -122,7 +122,7 @@ class EpisodeWriter:
         self._open: dict[str, pq.ParquetWriter] = {}
 
     def append(self, table: str, rows: Rows) -> None:
-        """Write rows of a table; they come after those that were written before.
+        """Append rows to a table.
 
         Raises:
             RecordError: They cannot be written.

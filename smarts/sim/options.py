@@ -40,7 +40,7 @@ class Options:
     record: str | Path | None = None
     """Folder that episodes are written to; None: episodes are not written."""
     record_all: bool = False
-    """Whether vehicles far from agents are recorded, too, in a table of their own."""
+    """Whether vehicles far from agents are recorded, too."""
     record_observations: Sequence[str] = ()
     """Names of learning agents of which is recorded, too, what they observe: by the sensors of their
     interfaces, and as arrays."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 6
+VERSION = 7
 """Number of the format of recorded episodes."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
