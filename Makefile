@@ -30,7 +30,7 @@ install: $(INSTALLED)  ## create .venv with what `make run` needs (TORCH=cpu: Py
 
 tools: $(TOOLS)  ## install what tests, checks and documents need
 
-run: $(INSTALLED)  ## train PPO at the intersection, test it and write the report: three minutes on two idle cores
+run: $(INSTALLED)  ## train PPO at the intersection, test it and write the report: two minutes on two idle cores
 	$(KEEPING) $(BIN)/smarts-bench run configs/quickstart.yaml
 
 traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
