@@ -19,6 +19,7 @@ from torch import Tensor
 
 from algorithms.joint.batch import JointView, OnPolicyBatch
 from algorithms.joint.env import MEMORY
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.module import LearnerModule
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import orthogonal, perceptron
@@ -36,7 +37,8 @@ class CentralValue(LearnerModule):
         """Create the body."""
         # The environment's state knows nothing of memories; joined observations hold them already.
         self._beside = self.spec.spaces.state > 0 and MEMORY in self.spec.spaces.blocks[0].observation
-        width = self.spec.state_size
+        self.encoder = JointEncoder(self.spec)
+        width = self.encoder.size
         if self._beside:
             width += len(self.spec.agents) * self.spec.spaces.blocks[0].observation[MEMORY].shape[0]
         sizes = [width, *self.settings["hidden"], len(self.spec.agents)]
@@ -45,7 +47,7 @@ class CentralValue(LearnerModule):
 
     def value(self, view: JointView) -> Tensor:
         """Return scaled values (M, N)."""
-        state = view.global_state()
+        state = self.encoder(view)
         if self._beside:
             state = torch.cat([state, *(leaves[MEMORY].flatten(-2) for leaves in view.observations)], -1)
         return self.body(state)

@@ -30,6 +30,7 @@ from torch import Tensor, nn
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch, encode, to_tensor
 from algorithms.joint.config import JointConfig
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.rollout import JointRollout
@@ -65,7 +66,8 @@ class CounterfactualQ(nn.Module):
         self._groups = spec.groups
         self._sizes = [(group.size, action_size(group.action)) for group in spec.groups]
         width, *others = hidden or (LINEAR,)
-        self.see = nn.Linear(spec.state_size, width)
+        self.encoder = JointEncoder(spec)
+        self.see = nn.Linear(self.encoder.size, width)
         self.act = nn.Linear(sum(n * a for n, a in self._sizes), width, bias=False)
         self.place = nn.Parameter(torch.randn(len(spec.agents), width) * 0.1)
         layers = [layer for size in pairwise((width, *others)) for layer in (nn.ReLU(), nn.Linear(*size))]
@@ -83,7 +85,7 @@ class CounterfactualQ(nn.Module):
             actions: All agents' actions by group id, one-hot (M, n, A), zeros for the absent.
         """
         flat = torch.cat([actions[group.id].flatten(1) for group in self._groups], -1)
-        everything = (self.see(view.global_state()) + self.act(flat)).unsqueeze(1)
+        everything = (self.see(self.encoder(view)) + self.act(flat)).unsqueeze(1)
         weights = self.act.weight.T.split([n * a for n, a in self._sizes])
         values = {}
         for group, size, weight in zip(self._groups, self._sizes, weights, strict=True):

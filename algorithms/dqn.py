@@ -75,16 +75,21 @@ class QNetwork(nn.Module):
         return advantage if value is None else value + advantage - advantage.mean(-1, keepdim=True)
 
     def folded(self) -> nn.Sequential:
-        """Return an equal perceptron: both streams are linear in the same features."""
-        last = nn.Linear(self.advantage.in_features, self.advantage.out_features)
-        with torch.no_grad():
-            weight, bias = self.advantage.weight, self.advantage.bias
-            if self.value is not None:
-                weight = weight - weight.mean(0, keepdim=True) + self.value.weight
-                bias = bias - bias.mean() + self.value.bias
-            last.weight.copy_(weight)
-            last.bias.copy_(bias)
-        return nn.Sequential(*self.trunk, last)
+        """Return an equal perceptron."""
+        return nn.Sequential(*self.trunk, folded_streams(self.advantage, self.value))
+
+
+def folded_streams(advantage: nn.Linear, value: nn.Linear | None) -> nn.Linear:
+    """Return one layer equal to both duelling streams, which are linear in the same features."""
+    last = nn.Linear(advantage.in_features, advantage.out_features)
+    with torch.no_grad():
+        weight, bias = advantage.weight, advantage.bias
+        if value is not None:
+            weight = weight - weight.mean(0, keepdim=True) + value.weight
+            bias = bias - bias.mean() + value.bias
+        last.weight.copy_(weight)
+        last.bias.copy_(bias)
+    return last
 
 
 class DQNModule(JointModule):

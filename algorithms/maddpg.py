@@ -22,6 +22,7 @@ from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.checks import check_bounds
 from algorithms.joint.config import JointConfig
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
 from algorithms.joint.spec import Group, JointSpec, action_size
@@ -97,7 +98,8 @@ class JointQ(nn.Module):
         self._shape = widths[group.id]
         total = sum(int(np.prod(w)) for w in widths.values())
         first, *others = *hidden, 1
-        self.see = nn.Linear(spec.joint_size + len(spec.agents), first)
+        self.encoder = JointEncoder(spec, state=False)
+        self.see = nn.Linear(self.encoder.size, first)
         self.act = nn.Linear(total, first, bias=False)
         self.place = nn.Parameter(torch.randn(group.size, first) * 0.1)
         self.rest = nn.Sequential()
@@ -120,7 +122,7 @@ class JointQ(nn.Module):
             chosen: Own agents (M, n) whose values count; None: all.
         """
         flat = torch.cat([actions[g.id].flatten(1) for g in view.spec.groups], -1)
-        first = (self.see(view.everything) + self.act(flat)).unsqueeze(1) + self.place
+        first = (self.see(self.encoder(view)) + self.act(flat)).unsqueeze(1) + self.place
         if replaced is not None:
             agents, width = self._shape
             weight = self.act.weight[:, self._own].T.reshape(agents, width, -1)

@@ -41,6 +41,7 @@ from torch import Generator, Tensor, nn
 from algorithms.dqn import DQNModule, QNetwork
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch, to_tensor
 from algorithms.joint.env import CARRIED, LATENT, AgentBlock, Floats
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.serving import ask
@@ -144,25 +145,24 @@ def latent_of(view: JointView) -> Tensor:
     return view.observations[0][LATENT][:, 0]
 
 
-def state_without_latent(view: JointView) -> Tensor:
-    """Return the global state (M, S)."""
-    seen = tuple({k: x for k, x in leaves.items() if k != LATENT} for leaves in view.observations)
-    return replace(view, observations=seen).global_state()
+class StateAndLatent(JointEncoder):
+    """The global state and the latent."""
 
+    def __init__(self, spec: JointSpec, latents: int) -> None:
+        super().__init__(spec, without=(LATENT,))
+        self.size += latents
 
-def state_size_without_latent(spec: JointSpec, latents: int) -> int:
-    """Return S of `state_without_latent`."""
-    return spec.spaces.state or spec.state_size - len(spec.agents) * latents
+    def forward(self, view: JointView) -> Tensor:
+        """Return vectors (M, S + Z)."""
+        return torch.cat([super().forward(view), latent_of(view)], -1)
 
 
 class MAVENMixer(QMIXMixer):
     """QMIX's mixer, whose weights depend on the latent too."""
 
-    @property
-    def state_size(self) -> int:
-        """Width of state and latent."""
-        latents = self.settings["latents"]
-        return state_size_without_latent(self.spec, latents) + latents
+    def make_encoder(self) -> JointEncoder:
+        """Return what encodes state and latent."""
+        return StateAndLatent(self.spec, self.settings["latents"])
 
 
 class Discriminator(LearnerModule):
@@ -172,7 +172,8 @@ class Discriminator(LearnerModule):
         """Create all parts."""
         latents = self.settings["latents"]
         policies = sum(group.size * action_size(group.action) for group in self.spec.groups)
-        sizes = [state_size_without_latent(self.spec, latents) + policies, *self.settings["hidden"], latents]
+        self.encoder = JointEncoder(self.spec, without=(LATENT,))
+        sizes = [self.encoder.size + policies, *self.settings["hidden"], latents]
         self.body = perceptron(sizes, nn.ReLU)
         self.moments = RunningMoments(enabled=True)
 
@@ -242,20 +243,17 @@ class MAVENLearner(QMIXLearner):
 
     def penalty(self, batch: ReplayBatch, values: Mapping[str, Tensor]) -> Tensor:
         """Return -lambda_MI log q(z | sigma(tau)), which the discriminator and the agents' values descend."""
-        seen = [state_without_latent(batch)]
+        discriminator = self.net(DISCRIMINATOR)
+        seen = [discriminator.encoder(batch)]
         for group, own in batch.groups():
             ranked = values[group.id]
             if own.action_mask is not None:
                 ranked = ranked.masked_fill(~own.action_mask, MASKED_LOGIT)
             seen.append((ranked.softmax(-1) * own.alive[..., None]).flatten(1))
-        guess = self.net(DISCRIMINATOR).body(torch.cat(seen, -1)).log_softmax(-1)
+        guess = discriminator.body(torch.cat(seen, -1)).log_softmax(-1)
         surprise = self.mean(-(guess * latent_of(batch)).sum(-1), batch.alive.any(-1))
         self.log(DISCRIMINATOR, "latent_surprise", surprise)
         return self.config.lambda_mi * surprise
-
-    def state(self, view: JointView) -> Tensor:
-        """Return state and latent."""
-        return torch.cat([state_without_latent(view), latent_of(view)], -1)
 
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the loss steps."""

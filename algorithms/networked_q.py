@@ -6,7 +6,7 @@ competing teams), the collaborative setting. Every agent sees the state and the 
 reward; the team wants the mean of all rewards. Each agent i keeps a Q_i(s, a) of the *joint* action. In
 iteration k it sets its own targets
 
-    Y_i = r_i + gamma * max_a Q_i,k(s', a)
+    Y_i = r_i + gamma * Q_i,k(s', a'),    a' the best joint action in s'
 
 and all agents together solve, over a graph that may vary with time,
 
@@ -23,20 +23,23 @@ takes the agent's own part of the best joint action.
 
 Deviations: adapt-then-combine order, in which both exchanges happen after the local part (a complete graph is
 then exactly the centralised fit); steps by Adam on the tracked gradient; every step on a fresh minibatch from
-replay that all agents share, instead of one fixed batch; the state is all observations side by side
-with which agents are active, zeros for absent agents, whose only action is number 0; a group of agents that
-share a network is one node, whose weight is its size.
+replay that all agents share, instead of one fixed batch; double Q-learning (`double=False`: the paper's
+maximum over target values) and duelling streams; the state is all observations, encoded, with which agents
+are active, zeros for absent agents, whose only action is number 0; a group of agents that share a network is
+one node, whose weight is its size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import prod
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from algorithms.dqn import QNetwork, folded_streams
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch
@@ -49,18 +52,42 @@ from algorithms.maac import of_actions
 from algorithms.parts.distributions import EpsilonGreedyHead, Head
 from algorithms.parts.graph import consensus_rate, metropolis
 from algorithms.parts.masking import MASKED_LOGIT
-from algorithms.parts.networks import perceptron
+from algorithms.parts.networks import Encoder
 
 
-def joint_state(views: Sequence[GroupView]) -> Tensor:
-    """Return all observations and which agents are active side by side, (M, D), in order of the groups."""
-    parts = []
-    for view in views:
-        there = view.alive[..., None]
-        leaves = [leaf.reshape(*there.shape[:2], -1).float() for leaf in view.observations.values()]
-        seen = torch.cat(leaves, -1)
-        parts += [(seen * there).flatten(1), view.alive.float()]
-    return torch.cat(parts, -1)
+class JointTable(nn.Module):
+    """Q(s, .) of every joint action, (M, P), from what all groups' agents see and which are active.
+
+    One encoder reads the observations of all agents of equal spaces. Duelling as `QNetwork`.
+    """
+
+    def __init__(
+        self, groups: Sequence[Group], hidden: tuple[int, ...], actions: int, *, duelling: bool
+    ) -> None:
+        super().__init__()
+        encoders = {str(g.block): Encoder(g.observation, set_width=g.set_width) for g in groups}
+        self._blocks = [str(group.block) for group in groups]
+        self.encoders = nn.ModuleDict(encoders)
+        size = sum(g.size * (encoders[b].size + 1) for g, b in zip(groups, self._blocks, strict=True))
+        self.trunk = nn.Sequential(
+            *(layer for sizes in pairwise([size, *hidden]) for layer in (nn.Linear(*sizes), nn.ReLU()))
+        )
+        width = [size, *hidden][-1]
+        self.advantage = nn.Linear(width, actions)
+        self.value = nn.Linear(width, 1) if duelling else None
+
+    def forward(self, views: Sequence[GroupView]) -> Tensor:
+        """Return the values."""
+        parts = []
+        for block, view in zip(self._blocks, views, strict=True):
+            seen = self.encoders[block](view.observations) * view.alive[..., None]
+            parts += [seen.flatten(1), view.alive.float()]
+        features = self.trunk(torch.cat(parts, -1))
+        return QNetwork.duel(self.advantage(features), None if self.value is None else self.value(features))
+
+    def folded(self) -> nn.Sequential:
+        """Return a perceptron with the same outputs of encoded observations."""
+        return nn.Sequential(*self.trunk, folded_streams(self.advantage, self.value))
 
 
 class JointActions:
@@ -144,8 +171,8 @@ class NetworkedQModule(JointModule):
     def make_networks(self) -> None:
         """Create the Q network."""
         self.combinations = JointActions(self.spec.groups)
-        inputs = self.spec.joint_size + len(self.spec.agents)
-        self.q = perceptron([inputs, *self.settings["hidden"], prod(self.combinations.sizes)], nn.ReLU)
+        sizes = self.settings["hidden"], prod(self.combinations.sizes)
+        self.q = JointTable(self.spec.groups, *sizes, duelling=self.settings["duelling"])
 
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs of a group that is alone: the others' agents are not there."""
@@ -157,9 +184,9 @@ class NetworkedQModule(JointModule):
     @classmethod
     def policies(cls, modules: Sequence[NetworkedQModule], views: Sequence[GroupView]) -> list[Tensor]:  # type: ignore[override]
         """Return for each group the best value (M, n, A) that each own action allows, by its own network."""
-        state, outputs = joint_state(views), []
+        outputs = []
         for module in modules:
-            table = module.combinations.masked_values(module.q(state), views)
+            table = module.combinations.masked_values(module.q(views), views)
             outputs.append(module.combinations.own_values(table, module.group))
         return outputs
 
@@ -195,16 +222,18 @@ class NetworkedQLearner(OffPolicyLearner):
         """Return each node's gradient (G, W) of its own share of the team's squared error."""
         groups = dict(batch.groups())
         views, following = list(groups.values()), [own.next for own in groups.values()]
-        state, state_next = joint_state(views), joint_state(following)
         number = self.combinations.number([own.actions for own in groups.values()])
         goes_on, gradients = batch.bootstrap.any(-1), []
         for group, own in groups.items():
             net = self.net(group.id)
             with torch.no_grad():
-                best = self.combinations.masked_values(net.target_q(state_next), following).flatten(1).amax(1)
+                values = net.target_q(following)
+                ranking = net.q(following) if self.config.double else values
+                likely = self.combinations.masked_values(ranking, following).flatten(1).argmax(1)
+                best = of_actions(values, likely)
                 rewards = self.config.reward_scale * torch.where(own.alive, own.rewards, 0)
                 targets = rewards + self.gamma * torch.where(goes_on, best, 0).unsqueeze(-1)
-            error = (of_actions(net.q(state), number).unsqueeze(-1) - targets).square()
+            error = (of_actions(net.q(views), number).unsqueeze(-1) - targets).square()
             # The mean over nodes of these losses is the mean over agents of their errors.
             mean = self.mean(error.sum(-1), torch.ones_like(goes_on))
             loss = mean * len(self.groups) / len(self.spec.agents)
@@ -255,6 +284,7 @@ class NetworkedQConfig(JointConfig):
 
     algorithm = "networked_q"
     policy_module = NetworkedQModule
+    network_settings = ("duelling",)
     explores_by = "epsilon"
 
     def validate(self) -> None:

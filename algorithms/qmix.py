@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.module import LearnerModule
 from algorithms.parts.networks import perceptron
 from algorithms.vdn import VDN, VDNConfig, VDNLearner
@@ -23,18 +24,20 @@ MIXER = "team__mixer"
 
 
 class MonotoneMixer(nn.Module):
-    """Q_tot(s, Q_1, ..., Q_N) with one hidden layer of `width` units."""
+    """Q_tot(s, Q_1, ..., Q_N) with one hidden layer of `width` units, s as the encoder returns it."""
 
-    def __init__(self, state: int, agents: int, width: int) -> None:
+    def __init__(self, encoder: JointEncoder, agents: int, width: int) -> None:
         super().__init__()
         self._shape = agents, width
+        self.encoder, state = encoder, encoder.size
         self.first_weight = perceptron([state, 64, agents * width], nn.ReLU)
         self.first_bias = nn.Linear(state, width)
         self.last_weight = perceptron([state, 64, width], nn.ReLU)
         self.last_bias = perceptron([state, width, 1], nn.ReLU)
 
-    def forward(self, values: Tensor, state: Tensor) -> Tensor:
-        """Return the team's values (M,) of the agents' (M, N) in states (M, S)."""
+    def forward(self, values: Tensor, view: JointView) -> Tensor:
+        """Return the team's values (M,) of the agents' (M, N)."""
+        state = self.encoder(view)
         weight = self.first_weight(state).abs().unflatten(-1, self._shape)
         hidden = nn.functional.elu(torch.einsum("mn,mnw->mw", values, weight) + self.first_bias(state))
         return (hidden * self.last_weight(state).abs()).sum(-1) + self.last_bias(state).squeeze(-1)
@@ -45,14 +48,14 @@ class QMIXMixer(LearnerModule):
 
     targets, joins = ("target_mixer",), "state"
 
-    @property
-    def state_size(self) -> int:
-        """Width of the state that the weights depend on."""
-        return self.spec.state_size
+    def make_encoder(self) -> JointEncoder:
+        """Return what encodes the state that the weights depend on."""
+        return JointEncoder(self.spec)
 
     def make_networks(self) -> None:
         """Create the mixer."""
-        self.mixer = MonotoneMixer(self.state_size, len(self.spec.agents), self.settings["mixer_width"])
+        sizes = len(self.spec.agents), self.settings["mixer_width"]
+        self.mixer = MonotoneMixer(self.make_encoder(), *sizes)
 
 
 class QMIXLearner(VDNLearner):
@@ -61,11 +64,7 @@ class QMIXLearner(VDNLearner):
     def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
         """Return the team's values (M,)."""
         net = self.net(MIXER)
-        return (net.target_mixer if target else net.mixer)(values, self.state(view))
-
-    def state(self, view: JointView) -> Tensor:
-        """Return the state (M, S) that the mixer's weights depend on."""
-        return view.global_state()
+        return (net.target_mixer if target else net.mixer)(values, view)
 
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the team's loss steps."""

@@ -33,6 +33,7 @@ from torch import Tensor, nn
 from algorithms.coma import CounterfactualQ
 from algorithms.dqn import best_actions
 from algorithms.joint.batch import JointView, ReplayBatch, encode
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec, action_size
 from algorithms.parts.masking import masked_mean_of_agents
@@ -53,12 +54,13 @@ class TeamQ(nn.Module):
         super().__init__()
         self._groups = spec.groups
         actions = sum(group.size * action_size(group.action) for group in spec.groups)
-        self.body = perceptron([spec.state_size + actions, *hidden, 1], nn.ReLU)
+        self.encoder = JointEncoder(spec)
+        self.body = perceptron([self.encoder.size + actions, *hidden, 1], nn.ReLU)
 
     def forward(self, view: JointView, actions: Actions) -> Tensor:
         """Return the values."""
         flat = [actions[group.id].flatten(1) for group in self._groups]
-        return self.body(torch.cat([view.global_state(), *flat], -1))
+        return self.body(torch.cat([self.encoder(view), *flat], -1))
 
 
 class QTRANJoint(LearnerModule):
@@ -71,7 +73,8 @@ class QTRANJoint(LearnerModule):
         hidden = self.settings["hidden"]
         kind = TeamQ if self.settings["variant"] == "base" else CounterfactualQ
         self.q = kind(self.spec, hidden)
-        self.v = perceptron([self.spec.state_size, *hidden, 1], nn.ReLU)
+        self.encoder = JointEncoder(self.spec)
+        self.v = perceptron([self.encoder.size, *hidden, 1], nn.ReLU)
 
 
 class QTRANLearner(VDNLearner):
@@ -87,7 +90,7 @@ class QTRANLearner(VDNLearner):
         for group, own in batch.groups():
             best[group.id] = encode(group, best_actions(values[group.id], own)) * own.alive[..., None]
         joint, at_best = net.q(batch, taken), net.q(batch, best)
-        v, total = net.v(batch.global_state()), total_of(values, taken)
+        v, total = net.v(net.encoder(batch)), total_of(values, taken)
         estimate = self.estimates(batch, joint, taken)
         td = (estimate - self.targets(batch)[:, None]).square()
         opt = (total_of(values, best) - self.estimates(batch, at_best, best).detach() + v).square()

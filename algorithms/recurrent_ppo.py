@@ -26,9 +26,9 @@ from torch import Tensor, nn
 from algorithms.centralised_v import CRITIC, CentralisedV, CentralisedVConfig, CentralisedVLearner
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch, to_tensor
 from algorithms.joint.env import MEMORY
+from algorithms.joint.joint_encoder import JointEncoder
 from algorithms.joint.module import LearnerModule, critic_of, without_memory
 from algorithms.joint.rollout import JointRollout, View
-from algorithms.joint.spec import observation_size
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
@@ -95,17 +95,12 @@ class RecurrentCentralValue(RecurrentValue):
 
     def make_features(self) -> int:
         """Return the width of the state and the agents' numbers."""
-        agents, blocks = len(self.spec.agents), self.spec.spaces.blocks
-        joint = sum(len(b.agents) * observation_size(without_memory(b.observation)) for b in blocks)
-        return (self.spec.spaces.state or joint + agents) + agents
+        self.encoder = JointEncoder(self.spec, without=(MEMORY, CRITIC_MEMORY))
+        return self.encoder.size + len(self.spec.agents)
 
     def features(self, view: JointView) -> Tensor:
         """Return the state with each agent's number."""
-        seen = tuple(
-            {name: leaf for name, leaf in leaves.items() if name not in (MEMORY, CRITIC_MEMORY)}
-            for leaves in view.observations
-        )
-        state = replace(view, observations=seen).global_state().unsqueeze(-2)
+        state = self.encoder(view).unsqueeze(-2)
         numbers = torch.eye(view.alive.shape[-1], device=state.device)
         rows = (*view.alive.shape, -1)
         return torch.cat([state.expand(rows), numbers.expand(rows)], -1)

@@ -484,9 +484,11 @@ class MeanFieldACSettings(MeanFieldSettings):
 class NetworkedQSettings(RandomActionSettings):
     """Networked fitted Q-iteration."""
 
-    set_width: Literal[0] = 0  # type: ignore[reportIncompatibleVariableOverride]
-    """Always 0: values are of all agents' observations side by side."""
     lr: ScheduledFraction = 1e-3
+    double: bool = True
+    """Double Q-learning: the network itself chooses the joint action whose target value counts."""
+    duelling: bool = True
+    """Streams for the state's value and for advantages of joint actions."""
     grad_clip: Positive | None = None
     """Largest gradient norm of each network; null: any. A node that clips its own gradient no longer follows
     the team's."""

@@ -128,7 +128,7 @@ class ExportedPolicy(BatchAgent):
         rows = {name: each for name, each in rows.items() if len(each)}
         if self._is_joint:
             return self._best_parts(obs, who, rows)
-        numbers = {name: self._features(obs, each, who[each]) for name, each in rows.items()}
+        numbers = {name: self._features(obs, each, who[each], name) for name, each in rows.items()}
         memory = self._memory.of(obs)
         kept = memory.copy()
         depth = max((len(self._layers[name]) for name in rows), default=0)
@@ -189,12 +189,11 @@ class ExportedPolicy(BatchAgent):
         scenes = obs.env_id if are_together else np.arange(len(who))
         for scene in np.unique(scenes):
             there = np.flatnonzero(scenes == scene)
-            state, masks = self._joint_state(obs, there, who[there])
             for name, own in rows.items():
                 mine = np.intersect1d(there, own)
                 if not len(mine):
                     continue
-                values = state[None]
+                values, masks = self._joint_state(obs, there, who[there], name)
                 for kind, weights in self._layers[name]:
                     values = self._applied(kind, weights, values, values, None)
                 table = values.reshape([count] * len(masks))
@@ -211,12 +210,14 @@ class ExportedPolicy(BatchAgent):
         """Return the numbers of the training's agents in the order of the groups."""
         return [each["number"] for name in self._groups for each in self._trained if each["group"] == name]
 
-    def _joint_state(self, obs: ActionBatch, rows: NDArray, who: NDArray) -> tuple[NDArray, list[NDArray]]:
-        """Return all observations and which agents are there, group by group; and each agent's mask.
+    def _joint_state(
+        self, obs: ActionBatch, rows: NDArray, who: NDArray, reader: str
+    ) -> tuple[NDArray, list[NDArray]]:
+        """Return what a group reads of all agents and which are there, (1, d); and each agent's mask.
 
         Only the first action is open to an agent that is not there.
         """
-        seen = self._features(obs, rows, who, with_place=False)
+        seen = self._features(obs, rows, who, reader)
         at = {self._cast[k]["number"]: row for row, k in enumerate(who.tolist())}
         parts, masks = [], []
         absent = np.arange(obs.action_mask.shape[1]) == 0
@@ -226,7 +227,7 @@ class ExportedPolicy(BatchAgent):
             parts.append(np.array([float(number in at) for number in members]))
             allowed = obs.action_mask if self._bounds["masked"] else np.ones_like(obs.action_mask)
             masks += [allowed[rows[at[number]]] if number in at else absent for number in members]
-        return np.concatenate(parts), masks
+        return np.concatenate(parts)[None], masks
 
     def _who(self, obs: ActionBatch) -> NDArray[np.intp]:
         """Return which of the cast each vehicle is, shape (N,).
@@ -242,11 +243,11 @@ class ExportedPolicy(BatchAgent):
             )
         return obs.agent_id.astype(np.intp)
 
-    def _features(self, obs: ActionBatch, rows: NDArray, who: NDArray, *, with_place: bool = True) -> NDArray:
-        """Return what the network reads of some rows: the observation, and which agent it is."""
+    def _features(self, obs: ActionBatch, rows: NDArray, who: NDArray, group: str) -> NDArray:
+        """Return what a group's network reads of some rows: the observation, and which agent it is."""
         count, parts = len(rows), []
         cast = [self._cast[k] for k in who.tolist()]
-        sets = self._sets[cast[0]["group"]]
+        sets = self._sets[group]
         for name in self._leaves:
             given = obs.observations[name][rows]
             if name in sets:
@@ -258,8 +259,8 @@ class ExportedPolicy(BatchAgent):
                 at = self._index["at"]
                 leaf = np.concatenate([leaf[:, :at], number, leaf[:, at:]], axis=1)
             parts.append(leaf)
-        places = self._groups[cast[0]["group"]]["places"]
-        if places and with_place:
+        places = self._groups[group]["places"]
+        if places:
             parts.append(_one_hot([each["place"] for each in cast], places))
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 

@@ -199,7 +199,7 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
     if isinstance(module, CommNetModule):
         return _talking_layers(run, module)
     if isinstance(module, NetworkedQModule):
-        return _layers(run, list(module.q))
+        return _layers(run, list(module.q.folded()))
     parts = module.feedforward_parts()
     if parts is not None:
         return _layers(run, list(parts[1]))
@@ -212,8 +212,11 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
 
 def _sets(module: Any) -> dict[str, list[NDArray]]:
     """Return the weights and biases of each observation that a policy reads as a set of rows."""
-    parts = module.feedforward_parts()
-    encoder = parts[0] if parts is not None else getattr(getattr(module, "q", module), "encoder", None)
+    if isinstance(module, NetworkedQModule):
+        (encoder,) = module.q.encoders.values()
+    else:
+        parts = module.feedforward_parts()
+        encoder = parts[0] if parts is not None else getattr(getattr(module, "q", module), "encoder", None)
     if not isinstance(encoder, Encoder):
         return {}
     return {name: _arrays(*rows.layers.parameters()) for name, rows in encoder.set_networks.items()}

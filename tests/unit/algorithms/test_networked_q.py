@@ -11,7 +11,7 @@ from rigs import Rig, moved, replayed
 
 import algorithms
 from algorithms.errors import SpaceError
-from algorithms.networked_q import NetworkedQModule, joint_state, node_links
+from algorithms.networked_q import NetworkedQModule, node_links
 from algorithms.parts.graph import consensus_rate
 from tests.games.games import Game, Ragged, Target
 
@@ -29,10 +29,9 @@ def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
     views = [batch.view(g) for g in rig.spec.groups]
     with torch.no_grad():
         found = NetworkedQModule.policies(nets, views)
-        state = joint_state(views)
         for net, group, values in zip(nets, rig.spec.groups, found, strict=True):
             order = [a for g in rig.spec.groups for a in g.agents]
-            table = net.q(state)
+            table = net.q(views)
             alive = torch.cat([v.alive for v in views], 1)
             for m in range(len(batch)):
                 best = {}
@@ -55,7 +54,7 @@ def twins(graph, **settings):
     weights = copy.deepcopy(single.learner.net("shared").state_dict())
     # Alone, each agent's flag stands behind its observation; together, all flags stand at the end.
     order = [0, 1, 2, 9, 3, 4, 5, 10, 6, 7, 8, 11]
-    for name in ("q.0.weight", "target_q.0.weight"):
+    for name in ("q.trunk.0.weight", "target_q.trunk.0.weight"):
         weights[name] = weights[name][:, order]
     for group in several.spec.groups:
         several.learner.net(group.id).load_state_dict(weights)
@@ -80,7 +79,7 @@ def test_on_a_complete_graph_every_node_takes_the_centralised_fits_steps():
 def q_of_all(net, rig, batch):
     """Return a network's values of all joint actions."""
     with torch.no_grad():
-        return net.q(joint_state([batch.view(g) for g in rig.spec.groups]))
+        return net.q([batch.view(g) for g in rig.spec.groups])
 
 
 def test_mixing_keeps_the_mean_and_respects_the_graph():

@@ -84,11 +84,33 @@ def test_qmixs_target_asks_the_target_mixer(monkeypatch):
     following = batch.next
     with torch.no_grad():
         best = net.target_q(following.observations[0]).max(-1)[0] * following.alive
-        value = mixer.target_mixer(best, following.global_state()) * following.alive.any(-1)
+        value = mixer.target_mixer(best, following) * following.alive.any(-1)
         target = (batch.rewards * batch.alive).sum(-1) + 0.9 * value
         chosen = of_actions(net.q(batch.observations[0]), batch.actions[0]) * batch.alive
-        total = mixer.mixer(chosen, batch.global_state())
+        total = mixer.mixer(chosen, batch)
     assert found[MIXER].item() == pytest.approx((total - target).square().mean().item(), rel=1e-5)
+
+
+@pytest.mark.parametrize("double", [True, False])
+def test_networked_qs_loss(double, monkeypatch):
+    """By enumeration of the joint actions of those who are there."""
+    rig = Rig("networked_q", Ragged, sharing="all", consensus=False, double=double, **REPLAY)
+    unlike_targets(rig)
+    batch, net, found = replayed(rig, 60, epsilon=1.0), rig.learner.net("shared"), {}
+    monkeypatch.setattr(rig.learner, "log", lambda module, name, value: found.update({name: value}))
+    rig.learner.local_gradients(batch)
+    (group,) = rig.spec.groups
+    joint = torch.cartesian_prod(*[torch.arange(3)] * 3)
+    with torch.no_grad():
+        now, following = net.q([batch.view(group)]), batch.next.view(group)
+        values = net.target_q([following])
+        ranking = net.q([following]) if double else values
+        possible = ((joint == 0) | following.alive[:, None]).all(-1)
+        best = of_actions(values, torch.where(possible, ranking, -torch.inf).argmax(-1))
+        target = batch.rewards * batch.alive + 0.9 * (best * batch.bootstrap.any(-1))[:, None]
+        taken = of_actions(now, batch.actions[0] @ torch.tensor([9, 3, 1]))
+        expected = (taken[:, None] - target).square().mean()
+    assert found["fit_loss"].item() == pytest.approx(expected.item(), rel=1e-5)
 
 
 @pytest.mark.parametrize("game", [Ragged, Target])
