@@ -23,8 +23,8 @@ from smarts.types.streams import Purpose, stream
 COMPLETION, COLLISION = RANKED_BY
 RISE, GOOD = 0.05, 0.95
 """Least change of completion in a training's last third that counts; tested completion that suffices."""
-LEAST_LINES = 3
-"""Lines of progress.csv that are needed to tell; each is a mean over many episodes."""
+LEAST_LINES = 10
+"""Lines of progress.csv of each seed that are needed to tell; each is a mean over many episodes."""
 LONGER = 5
 """How many times longer the next command trains."""
 
@@ -120,9 +120,7 @@ def trend(runs: Sequence[Frame]) -> float | None:
         return None
     mean = rows.mean(axis=0)
     last = np.isfinite(mean) & (steps >= steps[0] + (steps[-1] - steps[0]) * 2 / 3)
-    if last.sum() < LEAST_LINES:
-        return None
-    return float(np.polyfit(steps[last], mean[last], 1)[0] * np.ptp(steps[last]))
+    return float(np.polyfit(steps[last], mean[last], 1)[0] * np.ptp(steps[last])) if last.any() else None
 
 
 def trends(report: Report) -> dict[tuple[str, str, str], float]:

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from benchmark.experiment.runs import OWN_CODE
+from benchmark.experiment.runs import OWN_CODE, START
 from benchmark.experiment.version import has_settings_of, tuning
 from benchmark.metrics.table import COUNTS
-from benchmark.report.paper import algorithm_label
+from benchmark.report.paper import algorithm_label, task_label
 from benchmark.results.plurals import counted, listed
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.release import SUBMISSION
@@ -145,6 +145,12 @@ def commands(results: Results) -> list[str]:
     return [*results.commands, f"smarts-bench report {results.root}"]
 
 
+def beginnings(results: Results) -> list[str]:
+    """Return a sentence for each task whose trainings began with weights of another run."""
+    found = dict.fromkeys((run.task, run.config[START]) for run in results.runs if START in run.config)
+    return [f"{task_label(task)}: trainings began with the weights of {origin}." for task, origin in found]
+
+
 def totals(results: Results) -> list[str]:
     """Return sentences on finished runs and measured episodes, scripted policies apart from algorithms."""
     counts = results.counts
@@ -153,6 +159,7 @@ def totals(results: Results) -> list[str]:
     names = ", ".join(dict.fromkeys(algorithm_label(run.algorithm) for run in algorithms))
     groups = [(names, algorithms), ("Scripted policies", scripted)]
     lines = [_finished(name, of_group) for name, of_group in groups if of_group] or ["There are no runs."]
+    lines += beginnings(results)
     if counts["invalid"]:
         lines.append(
             f"{counted(counts['invalid'], 'episode')} in which vehicles overlapped at the start: discarded."
@@ -190,12 +197,8 @@ def gaps(results: Results) -> list[tuple[str, str]]:
 
 def _text(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_text(each) or _none(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {'none' if each is None else _text(each)}" for name, each in value.items())
     return "" if value is None else str(value)
-
-
-def _none(value: Any) -> str:
-    return "none" if value is None else str(value)
 
 
 def _values(name: str, contents: Iterable[Mapping[str, Any]]) -> list[str]:

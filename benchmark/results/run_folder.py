@@ -173,13 +173,17 @@ class RunFolder:
             )
 
     def check_start(self, content: Mapping[str, Any]) -> None:
-        """Raise if the run has not begun, and what it starts from has no checkpoint.
+        """Raise if the run has not begun, and cannot start from the run that it names.
 
         Raises:
-            ResultsError: As above.
+            ResultsError: That has no checkpoint, or is of another algorithm.
         """
         if START in content and not self._has_results():
-            RunFolder(Path(content[START])).kept("last")
+            other = RunFolder(Path(content[START]))
+            other.kept("last")
+            if (trained := other.read_config()["algorithm"]) != content["algorithm"]:
+                problem = f"is a run of {trained}, from which {content['algorithm']} cannot start"
+                raise ResultsError(problem, place=str(other.path), remedy="name a run of this algorithm")
 
     def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
         if changed := changed_code(there, here):

@@ -209,7 +209,7 @@ def take_weights(run: Run, algo: Any, networks: Path) -> list[str]:
         raise ResultsError(
             "none of the weights fits",
             place=str(run.task_setting.task.start_from),
-            remedy="start from a run of this algorithm, with the same observation",
+            remedy="start from a run with the same observation and networks",
         )
     algo.learner_group.set_weights(weights)
     return unfit

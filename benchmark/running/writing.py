@@ -40,7 +40,10 @@ class RunWriter:
         self._run, self._folder, self._names = run, folder, loggers
         self._loggers: dict[str, Any] = {}
         self._start: dict[str, str] = {}
+        has_begun = folder.status is not None
         folder.open(run.content())
+        if has_begun and folder.status is None:
+            print(f"{run}: has no checkpoint to continue from, and begins again", file=sys.stderr)
 
     def checkpoint(self) -> dict[str, bytes]:
         """Return the files of the last checkpoint, from which the run's process continues; empty without one.

@@ -21,6 +21,8 @@ from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experim
 
 GOALS = [["goal", "goal"], ["goal", "collision"]] * 10
 """30 of 40 agents arrive, 10 collide."""
+RISING = (0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.3, 0.3, 0.4, 0.4)
+"""Completion rates of the fewest lines of progress.csv from which a report tells a trend."""
 
 
 def lines(*completion):
@@ -53,10 +55,10 @@ def lead(root):
 @pytest.mark.parametrize(
     ("completion", "outlook"),
     [
-        ((0.1, 0.2, 0.3, 0.4, 0.5), "It was still improving: train longer."),
-        ((0.5, 0.5, 0.5, 0.4, 0.3), "It got worse towards the end of its training."),
-        ((0.1, 0.7, 0.7, 0.7, 0.7), "It no longer improved: other settings may help more than time."),
-        ((0.1, 0.2), "The training was too short to tell whether it still improved."),
+        ((*RISING, 0.5), "It was still improving: train longer."),
+        ((0.5,) * 6 + (0.5, 0.4, 0.4, 0.3), "It got worse towards the end of its training."),
+        ((0.1,) + (0.7,) * 9, "It no longer improved: other settings may help more than time."),
+        (RISING[:9], "The training was too short to tell whether it still improved."),
     ],
 )
 def test_the_first_sentences_say_who_drove_how_well_and_whether_to_train_longer(
@@ -71,14 +73,14 @@ def test_the_first_sentences_say_who_drove_how_well_and_whether_to_train_longer(
 
 def test_a_policy_that_drives_well_need_not_be_trained_longer(tmp_path):
     write_experiment(tmp_path)
-    trained(tmp_path, lines(0.6, 0.7, 0.8, 0.9), outcomes=[["goal", "goal"]] * 20)
+    trained(tmp_path, lines(*RISING), outcomes=[["goal", "goal"]] * 20)
     assert lead(tmp_path) == "PPO completed 1.00 and collided 0.00. Longer training has little left to gain."
     assert not any("budget" in command for command in texts(tmp_path, "<code>", "</code>"))
 
 
 def test_of_several_the_one_that_completes_most_leads_and_rates_are_means_over_conditions(tmp_path):
     write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"], traffic=[ALONE, SOCIAL], seeds=[1, 2])
-    rising, flat = lines(0.1, 0.2, 0.3, 0.4), lines(0.4, 0.4, 0.4, 0.4)
+    rising, flat = lines(*RISING), lines(*[0.4] * 10)
     for seed in (1, 2):
         trained(tmp_path, rising, seed=seed)
         trained(tmp_path, flat, seed=seed, traffic=SOCIAL, outcomes=[["goal", "goal"]] * 20)
@@ -109,7 +111,7 @@ def test_where_nothing_is_measured_the_page_says_so_and_what_to_do(tmp_path):
 
 def test_the_next_commands_train_on_with_the_budget_that_ended_the_training(tmp_path):
     write_experiment(tmp_path)
-    folder = trained(tmp_path, lines(0.1, 0.2, 0.3), budget={"agent_steps": 9000, "minutes": 0.5})
+    folder = trained(tmp_path, lines(*RISING), budget={"agent_steps": 20_000, "minutes": 0.5})
     (folder / "episodes").mkdir()
     (folder / "checkpoint").mkdir()
     assert texts(tmp_path, "<code>", "</code>")[:4] == [
@@ -123,9 +125,18 @@ def test_the_next_commands_train_on_with_the_budget_that_ended_the_training(tmp_
 def test_the_trend_is_said_of_the_algorithm_that_has_it_and_of_finished_runs(tmp_path):
     write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"])
     trained(tmp_path, lines(0.7, 0.8), outcomes=[["goal", "goal"], ["goal", "collision"]] * 5)
-    trained(tmp_path, lines(0.1, 0.2, 0.3), "dqn", outcomes=[["goal", "collision"]] * 10)
-    write_run(tmp_path, "maac", None, progress=lines(0.1, 0.2, 0.3))
+    trained(tmp_path, lines(*RISING), "dqn", outcomes=[["goal", "collision"]] * 10)
+    write_run(tmp_path, "maac", None, progress=lines(*RISING))
     assert lead(tmp_path).endswith("DQN was still improving: train longer.")
+
+
+def test_what_trainings_began_with_is_named(tmp_path):
+    write_experiment(tmp_path)
+    file = trained(tmp_path, ()) / "config.yaml"
+    file.write_text(f"{file.read_text()}start_from: /results/town\n")
+    sentence = "Intersection: trainings began with the weights of /results/town."
+    assert sentence in texts(tmp_path, '<p class="soft">', "</p>")
+    assert sentence in " ".join(texts(tmp_path, '<details id="runs">', "</details>"))
 
 
 def test_an_episode_that_cannot_be_shown_is_left_out_alone(tmp_path, monkeypatch):

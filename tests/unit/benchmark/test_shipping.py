@@ -180,9 +180,12 @@ def line(iteration):
     return Line({"iteration": iteration, "agent_steps": 10 * iteration, "seconds": 1.0, "completion": 0.5})
 
 
-def test_messages_become_a_runs_folder(tmp_path, run):
+def test_messages_become_a_runs_folder(tmp_path, run, capsys):
     folder = RunFolder(tmp_path / "run")
+    RunWriter(run, folder).take(Began({}, {}))
+    assert capsys.readouterr().err == ""
     writer = RunWriter(run, folder)
+    assert capsys.readouterr().err == f"{run}: has no checkpoint to continue from, and begins again\n"
     assert writer.checkpoint() == {}
     writer.take(Began({"begun": "now"}, {"loop": "abc"}))
     files = {"training.json": b'{"iteration": 2}', "learner/state.pkl": b"\x00\xff"}
@@ -198,6 +201,7 @@ def test_messages_become_a_runs_folder(tmp_path, run):
 
     # The process was lost after its third iteration.
     again = RunWriter(run, folder)
+    assert capsys.readouterr().err == ""
     assert again.checkpoint() == files
     again.take(Began({"begun": "later"}, {"loop": "abc"}))
     assert read_progress(folder.progress)["iteration"].tolist() == [1, 2]

@@ -2,6 +2,8 @@
 
 import shutil
 
+import yaml
+
 from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
@@ -34,6 +36,9 @@ def test_only_a_run_that_has_not_begun_needs_what_it_starts_from(tmp_path):
     folder.check_start(run.content())
     with raises(ResultsError, tmp_path / "origin"):
         RunFolder(tmp_path / "new").check_start(run.content())
+    (tmp_path / "moved" / "config.yaml").write_text(yaml.safe_dump({"algorithm": "dqn"}))
+    with raises(ResultsError, tmp_path / "moved", values=["dqn", "ppo"]):
+        RunFolder(tmp_path / "new").check_start(moved.content())
     weights.write_bytes(b"others")
     with raises(ResultsError, folder.config, values=["start_from"]):
         folder.check(moved.content())

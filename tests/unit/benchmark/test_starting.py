@@ -18,6 +18,7 @@ from benchmark.running.writing import RunWriter
 pytestmark = pytest.mark.slow
 
 TINY = """
+algorithms: [ppo]
 tasks: [{name: loop, scenarios: [loop], start_from: START}]
 traffic: [no_social_vehicles]
 seeds: [3]
@@ -28,10 +29,11 @@ resources: {num_envs_per_env_runner: 1}
 """
 
 
-def run_of(folder, algorithm, agents, start=None):
-    file = folder / f"{algorithm}.yaml"
+def run_of(folder, agents, start=None, observation="benchmark"):
+    file = folder / "ppo.yaml"
     file.write_text(TINY.replace("START", str(start or "null")))
-    (run,) = runs_of(read_experiment(file, [f"algorithms=[{algorithm}]", f"environment.agents={agents}"]))
+    changes = [f"environment.agents={agents}", f"environment.observation={observation}"]
+    (run,) = runs_of(read_experiment(file, changes))
     return run
 
 
@@ -46,7 +48,7 @@ def _ray():
 def trained(tmp_path_factory):
     """The folder of a training of two agents."""
     place = tmp_path_factory.mktemp("trained")
-    run = run_of(place, "ppo", 2)
+    run = run_of(place, 2)
     folder = RunFolder(place / "run")
     writer = RunWriter(run, folder)
     writer.take(Began({}, {}))
@@ -70,8 +72,8 @@ def started(run, place, trained):
 
 
 def test_a_training_starts_with_the_weights_that_fit(tmp_path, trained):
-    run = run_of(tmp_path, "ppo", 3, trained.path)
-    own, other, unfit = started(run, tmp_path / "ppo", trained)
+    run = run_of(tmp_path, 3, trained.path)
+    own, other, unfit = started(run, tmp_path / "three", trained)
     assert unfit == []
     first = "body.0.weight"
     assert {name for name in own if np.shape(own[name]) != np.shape(other[name])} == {first}
@@ -80,12 +82,10 @@ def test_a_training_starts_with_the_weights_that_fit(tmp_path, trained):
     for name in own:
         expected = other[name][:, columns] if name == first else other[name]
         np.testing.assert_array_equal(own[name], expected)
-    run = run_of(
-        tmp_path, "centralised_v", 2, trained.path
-    )  # with PPO's policies, and a critic of all agents
-    own, other, unfit = started(run, tmp_path / "centralised_v", trained)
-    assert unfit == ["central__critic"]
-    np.testing.assert_array_equal(own[first], other[first])
+    run = run_of(tmp_path, 2, trained.path, "neighbor_rows")
+    own, other, unfit = started(run, tmp_path / "other_inputs", trained)
+    assert f"shared.{first}" in unfit
+    np.testing.assert_array_equal(own["body.2.weight"], other["body.2.weight"])
 
 
 def test_another_number_of_agents_plays_a_shared_policy(trained):
