@@ -21,7 +21,7 @@ KEEPING := env -u PYTHONDONTWRITEBYTECODE
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install tools run traffic test test-fast check format build-scenario pages docs pictures page lock wheel clean
+.PHONY: help install tools run traffic test test-fast types check format build-scenario pages docs pictures page lock wheel clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -39,14 +39,18 @@ traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 test: $(KERNELS)  ## run all tests but the nightly ones
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not nightly"
 
-test-fast: $(KERNELS)  ## run the tests that take seconds
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly"
+test-fast: $(KERNELS)  ## run the tests of what starts neither Ray nor a simulation
+	$(BIN)/python -m pytest -q -m "not slow and not nightly" tests/test_layers.py tests/unit/test_*.py \
+		tests/unit/{core,dynamics,geometry,planners,roads,stream,types} \
+		tests/unit/benchmark/test_{experiments,metrics,statistics}.py
 
-check: $(KERNELS)  ## format, lint, types and fast tests
+types: $(KERNELS)  ## check the types
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+check: $(KERNELS)  ## format, lint, types and fast tests: two minutes on two idle cores
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright --pythonpath $(BIN)/python
-	$(MAKE) --no-print-directory test-fast
+	$(MAKE) --no-print-directory --jobs 2 --output-sync types test-fast
 
 format: $(TOOLS)  ## format the code
 	$(BIN)/ruff format .
@@ -106,10 +110,9 @@ $(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' && \
 		echo "pybullet has no wheel for this Python: the C++ compiler builds it once, in 6 minutes." || true
 	$(PIP) --editable '.[learn]'
-	@# Wheels bring the same libraries several times; pybullet's also symbols for debuggers, and robots.
-	@rm -rf $(VENV)/lib/python3.*/site-packages/pybullet_{data,envs}
-	@! command -v strip >/dev/null || strip -g $(VENV)/lib/python3.*/site-packages/pybullet.*.so
-	@! command -v hardlink >/dev/null || hardlink -q -c $(VENV)
+	@# 0.7 GB: pybullet's robots and symbols for debuggers, libraries that several of SUMO's wheels bring.
+	@cd $(VENV)/lib/python3.*/site-packages && rm -rf pybullet_{data,envs} && \
+		{ strip -g pybullet.*.so; hardlink -q -c .; } 2>/dev/null || true
 	@touch $@
 
 $(INSTALLED): $(PACKAGES)
