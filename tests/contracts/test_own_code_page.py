@@ -1,4 +1,4 @@
-"""The user code of docs/guide/own_code.md works outside the repository, and its errors are named."""
+"""The code of docs/guide/own_code.md and its tutorials works outside the repository; its errors are named."""
 
 import pytest
 from typer.testing import CliRunner
@@ -6,12 +6,15 @@ from typer.testing import CliRunner
 from benchmark.cli import app
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder
-from tests.blocks import ROOT, Page
+from tests.blocks import ROOT, Page, blocks_of
 from tests.commands import begin, finish
 
 pytestmark = pytest.mark.slow
 
-PAGE = next((ROOT / "docs").rglob("own_code.md"))
+PAGE = ROOT / "docs" / "guide" / "own_code.md"
+TUTORIALS = [
+    PAGE.parent / "tutorials" / f"{name}.md" for name in ("algorithm", "observation_and_reward", "metric")
+]
 ENGINE = """from smarts.providers.constant_speed import ConstantSpeed
 
 
@@ -19,14 +22,16 @@ class Steady(ConstantSpeed):
     pass
 """
 RUN = "loop/no_social_vehicles/seed_1"
-MINE = f"my_code.algorithm-MyConfig/{RUN}"
+MINE = f"own_algorithm-CautiousConfig/{RUN}"
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """Return a folder with the files of the page."""
+    """Return a folder with the files of the page, and the modules of the tutorials that it names."""
     for _ in Page(PAGE, tmp_path).run():
         pass
+    for block in (block for page in TUTORIALS for block in blocks_of(page) if block.title.endswith(".py")):
+        (tmp_path / block.title.removeprefix("examples/")).write_text(block.text)
     return tmp_path
 
 
@@ -52,19 +57,19 @@ def test_the_page_trains_evaluates_and_reports(folder):
         folder,
         "resources.env_runners=1",
         "environment.traffic_engine=my_code.engine:Steady",
-        "algorithms=[my_code.algorithm:MyConfig]",
+        "algorithms=[own_algorithm:CautiousConfig]",
     )
     assert code == 0, err
     root = folder / "results" / "mine"
     report = (root / "report" / "report.md").read_text()
-    for shown in ("my_code.algorithm-MyConfig", "my_code.driver-Hesitant", "Waiting", "Collision rate"):
+    for shown in ("own_algorithm-CautiousConfig", "my_code.driver-Hesitant", "Hard brakes", "Collision rate"):
         assert shown in report
     assert "Agility" not in report
     table = read_table(root / MINE / "episodes.parquet")
-    assert {"standing", "on_the_road", "collisions", "goals"} <= {*table.columns}
+    assert {"own_hard_brakes", "own_seconds", "collisions", "goals"} <= {*table.columns}
     assert "agility" not in table.columns
     content = RunFolder(root / MINE).read_config()
-    assert content["algorithm"] == "my_code.algorithm:MyConfig"
+    assert content["algorithm"] == "own_algorithm:CautiousConfig"
     assert "my_code.engine:Steady" in content["own_code"]
     for command in (
         ["evaluate", str(root / MINE), "--episodes", "2", "--mode", "greedy"],
@@ -72,12 +77,12 @@ def test_the_page_trains_evaluates_and_reports(folder):
     ):
         ended = CliRunner().invoke(app, command, catch_exceptions=False)
         assert ended.exit_code == 0, ended.stderr
-    assert "Waiting" in (folder / "board.html").read_text()
+    assert "Hard brakes" in (folder / "board.html").read_text()
 
 
 @pytest.mark.nightly
 def test_errors_during_training_end_only_that_run(folder):
-    file = folder / "my_code" / "algorithm.py"
+    file = folder / "own_algorithm.py"
     file.write_text(file.read_text().replace("return loss +", "return 1 / 0 * loss +"))
     code, _, err = run(folder, "scripted=[]", "resources.parallel=1")
     assert code == 1
