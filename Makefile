@@ -40,7 +40,8 @@ test: $(KERNELS)  ## run all tests but the nightly ones
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not nightly"
 
 test-fast: $(KERNELS)  ## run the tests of what starts neither Ray nor a simulation
-	$(BIN)/python -m pytest -q -m "not slow and not nightly" tests/test_layers.py tests/unit/test_*.py \
+	$(BIN)/python -m pytest -q -m "not nightly" tests/test_layers.py \
+		tests/unit/test_{config_files,registry,same_episodes,whole_files,wrong_packages}.py \
 		tests/unit/{core,dynamics,geometry,planners,roads,stream,types} \
 		tests/unit/benchmark/test_{experiments,metrics,statistics}.py
 

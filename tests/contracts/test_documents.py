@@ -42,7 +42,6 @@ def folder(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [pytest.param(page, marks=() if page.name in ALWAYS_RUN else pytest.mark.nightly) for page in WITH_CODE],
@@ -71,7 +70,6 @@ def test_pages_repeat_the_examples_and_docstrings():
 
 
 @pytest.mark.nightly
-@pytest.mark.slow
 def test_the_site_builds_without_a_warning_and_loads_nothing_from_the_network(tmp_path):
     build = [sys.executable, "-m", "mkdocs", "build", "--site-dir", tmp_path]
     ended = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)

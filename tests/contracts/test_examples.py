@@ -24,7 +24,6 @@ LONGEST = 60
 """Maximum number of lines of an example."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "example",
     [pytest.param(each, marks=[pytest.mark.nightly] * (each.stem not in SHORT)) for each in EXAMPLES],

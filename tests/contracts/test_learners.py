@@ -63,7 +63,6 @@ def assert_learnt(result, before, after):
     assert any((old != new).any() for old, new in leaves)
 
 
-@pytest.mark.slow
 def test_ppo_trains_on_rllibs_face():
     """Environment runners add `num_envs` to the config, which only vector environments use."""
     scenario = Path(__file__).parents[2] / "scenarios" / "intersection"

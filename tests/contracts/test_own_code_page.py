@@ -9,8 +9,6 @@ from benchmark.results.run_folder import RunFolder
 from tests.blocks import ROOT, Page, blocks_of
 from tests.commands import begin, finish
 
-pytestmark = pytest.mark.slow
-
 PAGE = ROOT / "docs" / "guide" / "own_code.md"
 TUTORIALS = [
     PAGE.parent / "tutorials" / f"{name}.md" for name in ("algorithm", "observation_and_reward", "metric")

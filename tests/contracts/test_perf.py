@@ -52,7 +52,6 @@ def marked(script):
     return script if script in OFTEN else pytest.param(script, marks=pytest.mark.nightly)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("script", [marked(script) for script in SMALLEST])
 def test_script(script, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
@@ -64,7 +63,6 @@ def test_script(script, monkeypatch, capsys):
     assert capsys.readouterr().out.strip()
 
 
-@pytest.mark.slow
 @pytest.mark.nightly
 @pytest.mark.parametrize("script", IN_OWN_PROCESS)
 def test_script_in_its_own_process(script):

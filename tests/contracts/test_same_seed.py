@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from smarts.env.vector import VectorHiWayEnv
 from smarts.types.actions import LaneAction
@@ -71,7 +70,6 @@ def in_parallel_processes(*lists):
     return [json.loads(output.splitlines()[-1]) for output in outputs]
 
 
-@pytest.mark.slow
 def test_hashes_do_not_depend_on_batch_and_process():
     together = hashes([0, 1, 2, 3])
     assert len(set(together)) == 4

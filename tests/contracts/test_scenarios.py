@@ -186,7 +186,6 @@ def test_has_dense_traffic_from_the_start(name):
     assert at_start >= 0.75 * least
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", nightly_but("roundabout"))
 def test_traffic_flows_and_does_not_collide(name, tmp_path):
     built, speeds, longest = build_scenario(name), [], 0.0

@@ -42,7 +42,6 @@ def moments(files, end, output):
             element.clear()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [name if name == "bus_stop_merge" else pytest.param(name, marks=pytest.mark.nightly) for name in suite()],

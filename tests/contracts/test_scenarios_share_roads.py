@@ -42,7 +42,6 @@ class Wanderers:
             )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["intersection", *(pytest.param(name, marks=pytest.mark.nightly) for name in REST)]
 )

@@ -85,7 +85,6 @@ def files_below(folder):
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("api", "end"),
     [

@@ -40,7 +40,6 @@ def test_the_page_is_one_small_file():
 
 
 @needs_node
-@pytest.mark.slow
 @pytest.mark.nightly
 def test_sources_build_the_same_bytes(checkout: Path):
     run("npm", "run", "--silent", "build", cwd=checkout)
@@ -48,7 +47,6 @@ def test_sources_build_the_same_bytes(checkout: Path):
 
 
 @needs_node
-@pytest.mark.slow
 @pytest.mark.nightly
 def test_the_tests_of_the_sources_pass(checkout: Path):
     run("npm", "run", "--silent", "test", cwd=checkout)

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 from tests.envision.pages import ROOT
 from tests.viewers import serving
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = pytest.mark.browser
 
 STARTED = 180_000
 """Time for a simulation to start and compile its kernels [ms]."""

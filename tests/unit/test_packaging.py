@@ -36,7 +36,6 @@ def wheel(tmp_path_factory):
     return file
 
 
-@pytest.mark.slow
 def test_the_wheel_holds_what_git_holds_of_the_packages(wheel):
     expected = set(git("ls-files", "--cached", "--others", "--exclude-standard", *FOLDERS))
     found = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
@@ -66,7 +65,6 @@ print(project.stats.cache_path)
 """
 
 
-@pytest.mark.slow
 def test_a_wheel_that_cannot_be_written_to_finds_its_configs_and_writes_elsewhere(wheel, tmp_path):
     site, own = tmp_path / "site-packages", tmp_path / "own"
     own.mkdir()

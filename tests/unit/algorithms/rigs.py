@@ -22,12 +22,8 @@ FAMILIES = {"ppo", "dqn", "maddpg", "qmix", "commnet", "networked_q"}
 
 
 def cases(names):
-    """Return names as cases of a test.
-
-    PPO and DQN are among the fast tests, one algorithm of each family in `make test`, the others are nightly.
-    """
-    marks = {name: pytest.mark.slow if name in FAMILIES else pytest.mark.nightly for name in names}
-    return [name if name in ("ppo", "dqn") else pytest.param(name, marks=marks[name]) for name in names]
+    """Return names as cases of a test: one algorithm of each family in `make test`, the others nightly."""
+    return [name if name in FAMILIES else pytest.param(name, marks=pytest.mark.nightly) for name in names]
 
 
 def first(*values):

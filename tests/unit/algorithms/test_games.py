@@ -58,7 +58,6 @@ def two_step_score(name, seed, **settings):
     return 4 * score(name, TwoStep, 3_000, seed, **explore).mean()  # half of it per agent, over two steps
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", first(*CUES))
 def test_cues_are_hit_for_the_own_reward(name):
     """Hits 1.0 give -1 a step; a team-sum or swapped reward makes hits 0, and 0 a step."""

@@ -159,7 +159,6 @@ def gifts_score(seed, **settings):
     return rig.rollout(200, explore=False).rewards.mean()
 
 
-@pytest.mark.slow
 def test_agents_on_a_ring_serve_the_team():
     """1.0; without consensus 0, by guessing 0.5."""
     assert gifts_score(1) > 0.75

@@ -52,7 +52,6 @@ def digests(experiment):
     return [scenario_digests(cell) for cell in task_settings_of(experiment)]
 
 
-@pytest.mark.slow
 def test_a_digest_is_of_what_is_played(loop, tmp_path):
     both = experiment_on(loop, tmp_path).model_copy(update={"traffic": (ALONE, SOCIAL)})
     alone, social = digests(both)
@@ -70,7 +69,6 @@ def test_a_digest_is_of_what_is_played(loop, tmp_path):
     assert digests(both) == [alone, social]
 
 
-@pytest.mark.slow
 def test_results_of_a_scenario_that_has_changed_are_kept_and_not_mixed(loop, tmp_path, capsys):
     experiment, root = experiment_on(loop, tmp_path), tmp_path / "mine"
     (known,) = digests(experiment)

@@ -57,7 +57,6 @@ def test_a_ray_that_does_not_start(tmp_path, monkeypatch):
     assert "the same command again" in said
 
 
-@pytest.mark.slow
 def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monkeypatch):
     monkeypatch.setenv("RAY_ADDRESS", address_of(listener))
     before = signal.getsignal(signal.SIGTERM)

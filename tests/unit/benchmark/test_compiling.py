@@ -32,7 +32,6 @@ print(compiled.count)
 """
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_later_environments_compile_nothing():
     """With the cache of this checkout, which other tests fill as well: the command must find it enough."""

@@ -12,7 +12,6 @@ DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:mi
 TEST = {"scenarios": ["intersection"], "traffic": "no_social_vehicles", "episodes": 2, "agents": 2}
 
 
-@pytest.mark.slow
 def test_an_agent_at_an_address_scores_exactly_what_it_scores_in_process(tmp_path):
     here = evaluate_agent(DRAWING, **TEST, out=tmp_path)
     assert len(here) == 4
@@ -22,7 +21,6 @@ def test_an_agent_at_an_address_scores_exactly_what_it_scores_in_process(tmp_pat
     pd.testing.assert_frame_equal(here[columns], there[columns], check_exact=True)
 
 
-@pytest.mark.slow
 def test_an_agent_that_fails_has_no_score():
     serve = ("-m", "benchmark.cli", "serve", MISBEHAVING, "--address", "127.0.0.1:0")
     command = (*serve, "--set", "how=answer_too_few")

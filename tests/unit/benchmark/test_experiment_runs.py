@@ -23,8 +23,6 @@ from tests.commands import begin, finish, wait_for
 from tests.raising import raises
 from tests.scalar_files import read_scalars
 
-pytestmark = pytest.mark.slow
-
 TINY = """
 algorithms: [ppo]
 tasks: [double_merge]

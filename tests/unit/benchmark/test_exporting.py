@@ -34,8 +34,6 @@ from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
 from smarts_agent_kit.weights import weights_files
 from tests.raising import raises
 
-pytestmark = pytest.mark.slow
-
 TINY = """
 algorithms: [{name}]
 tasks: [loop]

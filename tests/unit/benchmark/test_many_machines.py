@@ -108,7 +108,6 @@ def check_finished(driver, run):
     assert config["imports"] == [f"{driver.folder}/own.py"]
 
 
-@pytest.mark.slow
 def test_a_node_that_is_lost_costs_a_run_what_came_after_its_checkpoint(driver):
     with nodes(1, 1) as cluster:
         process = begin(driver, cluster, "--set", "seeds=[3, 4]")
@@ -133,7 +132,6 @@ def runners(cluster):
     return [*cluster.workers("ray::ImportingRunner").values()]
 
 
-@pytest.mark.slow
 @pytest.mark.nightly
 def test_a_driver_and_an_env_runner_that_are_lost(driver):
     # None on the driver's node, one for the run, one for its runner, and one to spare.

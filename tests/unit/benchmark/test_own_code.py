@@ -302,7 +302,6 @@ def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     assert scheduler().is_done
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "experiment", "code", "line"),
     [

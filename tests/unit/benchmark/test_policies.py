@@ -29,7 +29,7 @@ from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.raising import raises
 
-pytestmark, NIGHTLY = pytest.mark.slow, pytest.mark.nightly
+NIGHTLY = pytest.mark.nightly
 
 TINY = """
 algorithms: [{name}]

@@ -500,7 +500,6 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     assert there == ["command.json", "report"]
 
 
-@pytest.mark.slow
 def test_the_command_needs_neither_simulator_nor_learners(tmp_path):
     write_experiment(tmp_path)
     write_test(tmp_path, "ppo", MIXED)

@@ -163,7 +163,6 @@ def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
         folder.check({"a": 1, "imports": ["/other/mine"]})
 
 
-@pytest.mark.slow
 def test_the_committed_results_are_finished(tmp_path):
     """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
     shutil.copytree(ROOT / "results" / "paper_track", tmp_path / "table")

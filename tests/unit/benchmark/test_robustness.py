@@ -29,8 +29,6 @@ from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter
 from smarts.errors import UnknownNameError
 
-pytestmark = pytest.mark.slow
-
 TASK, TRAFFIC = "intersection", "random_social_vehicles"
 TINY = """
 name: tiny

@@ -30,7 +30,6 @@ def _rays():
     ray.shutdown()
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("_rays")
 def test_an_error_of_a_call_is_raised_as_it_is_and_a_lost_process_is_named():
     with pytest.raises(ZeroDivisionError):
@@ -40,7 +39,6 @@ def test_an_error_of_a_call_is_raised_as_it_is_and_a_lost_process_is_named():
 
 
 @pytest.mark.nightly
-@pytest.mark.slow
 def test_policies_of_a_release_are_played_side_by_side(tmp_path):
     manifest, folder = submitted(str(ROOT / "results" / "release_v1"))
     of_dqn = [e for e in manifest.policies if e.agent.startswith("policies/dqn_two_way_v1")]

@@ -15,8 +15,6 @@ from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.messages import Began
 from benchmark.running.writing import RunWriter
 
-pytestmark = pytest.mark.slow
-
 TINY = """
 algorithms: [ppo]
 tasks: [{name: loop, scenarios: [loop], start_from: START}]

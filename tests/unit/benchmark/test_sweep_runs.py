@@ -12,7 +12,7 @@ from smarts.sstudio.locating import SUITE
 from tests.commands import begin, finish, wait_for
 
 # Starts of Ray and trainings, of which each has to load everything: minutes on a busy machine.
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
+pytestmark = pytest.mark.timeout(3000)
 
 SEARCH = """
 algorithms: [ppo]

@@ -15,8 +15,6 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.messages import Began
 from benchmark.running.writing import RunWriter
 
-pytestmark = pytest.mark.slow
-
 TINY = """
 algorithms: [ppo]
 tasks: [loop]

@@ -22,13 +22,11 @@ def test_without_ray_an_actor_is_an_error():
         env.reset()
 
 
-@pytest.mark.slow
 def test_agents_in_actors_drive_as_in_this_process_bit_by_bit(cluster):
     here = played(MIXED, {}, count=20)
     assert played(MIXED, {DRAWING: "ray", "*": "process"}, count=20) == here
 
 
-@pytest.mark.slow
 def test_an_actor_that_is_killed_or_silent_is_made_again(cluster):
     with closing(environment([{"agent": DRAWING}], {"*": "ray"})) as env:
         env.reset()

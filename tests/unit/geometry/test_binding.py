@@ -135,7 +135,6 @@ print(bind(third_of, Box(array=np.arange(10, 18)[::2], other=np.arange(8)[::2]))
 """
 
 
-@pytest.mark.slow
 def test_cached_machine_code_is_not_reused_after_a_change_of_fields(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="smarts.geometry.binding")

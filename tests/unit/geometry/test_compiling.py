@@ -40,7 +40,6 @@ def evaluate(package, code, *arguments):
     return run.stdout.strip()
 
 
-@pytest.mark.slow
 def test_kernel_is_recompiled_after_a_change_of_a_kernel_or_constant_that_it_uses(package):
     (package / "totals.py").write_text(TOTALS)
     results = []
@@ -107,7 +106,6 @@ print(double(float(3)) if sys.argv[1] == "float" else double(complex(3, 1)))
 """
 
 
-@pytest.mark.slow
 def test_processes_that_compile_at_once_leave_a_valid_cache(package):
     """Both processes read the index before either has written it; each needs a file for its own types."""
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))

@@ -10,7 +10,6 @@ from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.worlds import Car, world_of
 
-pytestmark = pytest.mark.slow
 STEPS = 150
 FASTEST = 500.0
 """Upper bound of the speed after `STEPS` steps with any engine [m/s]."""

@@ -15,7 +15,6 @@ from smarts.sstudio.locating import SUITE
 from tests.raising import raises
 
 
-@pytest.mark.slow
 def test_keep_lane_drives_and_parked_stands(tmp_path):
     table = tmp_path / "scripted.csv"
     scripted(
@@ -37,13 +36,11 @@ def test_keep_lane_drives_and_parked_stands(tmp_path):
     assert len(recorded) >= 2
 
 
-@pytest.mark.slow
 def test_sumos_driver_arrives_on_an_empty_road():
     alone, _ = play(SUMO_DRIVER, "double_merge", episodes=2, first_episode=100)
     assert alone.share("goal") == 1.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["keep_lane", SUMO_DRIVER])
 def test_a_scenario_without_traffic_is_played(tmp_path, policy):
     (tmp_path / "scenario.py").write_text(

@@ -258,7 +258,6 @@ def drive(folder, mission, trip, steps, action=ActionSpaceType.Lane, values=(Lan
     return np.array(log), outcome
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("action", "values"),
     [
@@ -286,7 +285,6 @@ def test_an_agent_that_keeps_its_lane_cuts_in(tmp_path, action, values):
     assert np.abs(y[over:] + 8.0).max() < 0.3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("index", [2, *(pytest.param(each, marks=pytest.mark.nightly) for each in (0, 1))])
 def test_an_agent_that_keeps_its_lane_turns_round(tmp_path, index):
     task = t.UTurn(trigger_radius=60, initial_speed=8.0, target_lane_index=index)

@@ -132,7 +132,6 @@ def writing(folder, episodes):
     return process
 
 
-@pytest.mark.slow
 def test_two_processes_write_episodes_of_one_name_into_one_folder(tmp_path):
     processes = [writing(tmp_path, 20) for _ in range(2)]
     assert [process.wait() for process in processes] == [0, 0]

@@ -53,7 +53,6 @@ def entries(name, seeds):
         simulation.close()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [name if name == "intersection" else pytest.param(name, marks=pytest.mark.nightly) for name in suite()],

@@ -11,8 +11,6 @@ import time
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
 from smarts.errors import ScenarioError
 from smarts.sstudio import gen_bubbles, gen_missions, gen_traffic
 from smarts.sstudio import types as t
@@ -210,7 +208,6 @@ def start_build(folder):
 
 
 class TestProcesses:
-    @pytest.mark.slow
     def test_killed_at_any_moment(self, scenario_folder):
         folder = scenario_folder()
         old = build_scenario(folder)

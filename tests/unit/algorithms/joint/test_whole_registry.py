@@ -14,8 +14,6 @@ import algorithms
 from tests.games.games import Cues
 from tests.learner_states import differing, values_in
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).resolve().parents[4]
 REPLAY = {"learning_starts": 32, "batch_size": 16, "capacity": 500, "updates_per_step": 0.1}
 RESTORE = """
