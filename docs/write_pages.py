@@ -131,7 +131,7 @@ def _notebook() -> str:
         if language == "python":
             cells.append(_cell("code", code))
         elif language == "console":
-            cells.append(_cell("code", code.replace("$ ", "!")))
+            cells.append(_cell("code", "%%bash\n" + code.replace("$ ", "")))
             cells += [_cell("markdown", f"![{name}]({name})") for name in PICTURE.findall(code)]
         end = block.end()
     cells.append(_cell("markdown", page[end:]))
