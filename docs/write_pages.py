@@ -28,7 +28,7 @@ PICTURE = re.compile(r"--out (\S+\.(?:png|gif))")
 MADE = "<!-- Made by `make pages` from the code: change that. -->"
 TYPES = {
     "Scenario": "Scenario Variation StartVariation ScenarioMetadata MapSpec",
-    "Missions": "Mission EndlessMission LapMission GroupedLapMission Via UTurn CutIn",
+    "Missions": "Mission EndlessMission LapMission GroupedLapMission DrawnMission Via UTurn CutIn",
     "How agents enter": "EntryTactic TrapEntryTactic IdEntryTactic",
     "Routes": "Route RandomRoute JunctionEdgeIDResolver",
     "Traffic": "Traffic Flow Trip Stop TrafficActor LaneChangingModel JunctionModel Distribution "

@@ -122,7 +122,8 @@ def assemble(
     _check_step_lengths(cast, options)
     names = tuple(agents) or agent_names(len(interfaces))
     shapes = [shape_of(interface) for interface in interfaces]
-    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
+    engine, weights = options.traffic_engine, options.weights
+    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine, cast=cast, weights=weights)
     if options.latency_steps and cast.learning is not None:
         raise ScenarioError(
             f"action_latency is {options.action_latency} s, and the egos learn in bubbles",

@@ -12,7 +12,7 @@ from smarts.errors import ScenarioError
 from smarts.sim.assembly import assemble
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.built import BuiltScenario
-from smarts.sstudio.episodes import expand
+from smarts.sstudio.episodes import drawn_mission, expand
 from smarts.types.vehicles import VehicleStates
 
 
@@ -45,8 +45,9 @@ def reset_moment(
         SmartsError: The scenario cannot be played.
     """
     played = built if traffic is None else built.with_traffic([traffic])
-    egos = len(expand(built.scenario.ego_missions or ()))
-    if egos:
+    missions = built.scenario.ego_missions or ()
+    egos = len(expand(missions))
+    if egos and not drawn_mission(missions):
         try:
             return _reset(played, egos, seconds, seed)
         except ScenarioError:

@@ -59,6 +59,9 @@ class Options:
     action_latency: float = 0.0
     """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of `dt` up
     to 10; the last action that has arrived is kept until then. Social agents have `hosts` instead."""
+    weights: Sequence[float] = ()
+    """Weight of each of the scenarios: every episode draws one by them. Without weights, episodes go through
+    all combinations of scenarios, traffic and missions in turns."""
 
     def __post_init__(self) -> None:
         longest, step = LONGEST_SUBSTEP * SUBSTEPS, self.traffic_step
@@ -89,6 +92,7 @@ class Options:
                 self.friction is None or 0.05 <= self.friction <= 2.0,
                 "give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
             ),
+            ("weights", all(each > 0 for each in self.weights), "give a number above 0 for each scenario"),
             ("path", isinstance(self.path, int) and self.path >= 1, "give a number of points, 1 or more"),
         )
         for name, is_right, remedy in rules:

@@ -96,7 +96,8 @@ class Schedule:
     """The episodes of a run.
 
     Each simulation plays all combinations of scenarios, traffic and missions in an order of its own, then all
-    of them in another order, and so on.
+    of them in another order, and so on. With weights, each episode draws its scenario by them, and one of that
+    scenario's combinations.
 
     Args:
         scenarios: The scenarios.
@@ -105,6 +106,7 @@ class Schedule:
         seed: Seed of the run.
         engine: One of `TRAFFIC_ENGINES`; by default the one that each scenario names.
         cast: The social policies; without any, scenarios' social agents and bubbles have no effect.
+        weights: Weight of each scenario, by default none.
 
     Raises:
         ScenarioError: There is no scenario, two different ones have one name, one has fewer missions than
@@ -120,9 +122,13 @@ class Schedule:
         seed: int = 42,
         engine: str | None = None,
         cast: Cast = NO_CAST,
+        weights: Sequence[float] = (),
     ) -> None:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
+        if weights and len(weights) != len(scenarios):
+            problem = f"{len(weights)} weights, and {len(scenarios)} scenarios"
+            raise ScenarioError(problem, place="weights", remedy="give one for each scenario")
         check_seed(seed, "seed")
         _refuse_equal_names(scenarios)
         self.seed = seed
@@ -147,6 +153,9 @@ class Schedule:
             for plan in built.episodes(missions)
         )
         """All combinations, in the order of the scenarios."""
+        self._shares = np.array(weights, float) / (sum(weights) or 1.0)
+        names = [each.built.name for each in self.combinations]
+        self._rows = [np.flatnonzero(np.array(names) == built.name) for built in scenarios if weights]
         self.interests = _interests(scenarios)
         """Pattern of the names of the vehicles that each scenario marks, "" for none."""
         self._limits = {built.name: vehicle_limit(built) for built in scenarios}
@@ -179,8 +188,12 @@ class Schedule:
 
     def combination(self, world: int, episode: int, seed: int | None = None) -> Combination:
         """Return what a simulation of the run plays in an episode."""
-        round_number, place = divmod(episode, len(self.combinations))
         seed = self.seed if seed is None else seed
+        if len(self._shares):
+            draws = stream(seed, Purpose.SCENARIOS, world=world, episode=episode)
+            rows = self._rows[draws.choice(len(self._shares), p=self._shares)]
+            return self.combinations[rows[draws.integers(len(rows))]]
+        round_number, place = divmod(episode, len(self.combinations))
         order = stream(seed, Purpose.SCENARIOS, world=world, episode=round_number)
         return self.combinations[order.permutation(len(self.combinations))[place]]
 
@@ -195,7 +208,8 @@ class Schedule:
         built, plan = chosen.built, chosen.plan
         generator = stream(seed, Purpose.STARTS, world=world, episode=episode)
         shapes = self._shapes[: len(self._egos)]
-        egos = draw_starts(built, plan.missions, self._egos, shapes, generator)
+        missions = plan.missions_of(len(self._egos), generator)
+        egos = draw_starts(built, missions, self._egos, shapes, generator)
         # Of its own: social agents change nothing of the egos.
         generator = stream(seed, Purpose.SOCIAL, world=world, episode=episode)
         others = draw_social_starts(built, self._roles(chosen), egos, self._cast.policies, generator)
@@ -221,7 +235,7 @@ class Schedule:
         for each in () if cars else self.combinations:
             generator = stream(self.seed, Purpose.STARTS, world=0, episode=0)
             shapes = self._shapes[: len(self._egos)]
-            built, missions = each.built, each.plan.missions
+            built, missions = each.built, each.plan.missions_of(len(self._egos), generator)
             place_agents(built, missions, shapes, generator, built.scenario.start_variation, built.name)
 
     def _roles(self, chosen: Combination) -> tuple[Role, ...]:

@@ -21,7 +21,9 @@ from smarts.roads.sumo_net import read_net, write_driven_lengths
 from smarts.roads.sumo_tools import try_in_sumo
 from smarts.sstudio.built import LANES, NET, SCENARIO
 from smarts.sstudio.cache import MANIFEST
+from smarts.sstudio.drawn_missions import with_sets
 from smarts.sstudio.encoding import digest, encode
+from smarts.sstudio.episodes import drawn_mission
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
@@ -55,6 +57,10 @@ def write_artefacts(
     validate(scenario, roads, folder / NET, place)
     (folder / "traffic").mkdir()
     traffic, notes, warnings = {}, _notes(description), _warnings(description)
+    if drawn := drawn_mission(scenario.ego_missions or ()):
+        filled, note = with_sets(drawn, roads, seed, f"{place}: ego_missions[0]")
+        scenario = replace(scenario, ego_missions=(filled,))
+        notes.append(note)
     for name, described in (scenario.traffic or {}).items():
         traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more

@@ -5,9 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+EgoMissions = Sequence[t.AnyMission | t.DrawnMission]
+"""A scenario's `ego_missions`."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +34,35 @@ class EpisodePlan:
     traffic: str | None
     """The variation of the traffic; None where the scenario has none."""
     missions: tuple[t.AnyMission, ...]
-    """One mission for each ego."""
+    """One mission for each ego; none where they are drawn."""
     spare: tuple[t.AnyMission, ...] = ()
     """The missions that the egos leave, beginning behind theirs; none where egos have random routes."""
     social: tuple[SocialRole, ...] = ()
+    drawn: t.DrawnMission | None = None
+    """What the egos' missions are drawn from."""
+
+    def missions_of(self, egos: int, generator: Generator) -> tuple[t.AnyMission, ...]:
+        """Return the mission of each ego; those that are drawn are in a random order.
+
+        Args:
+            egos: How many egos there are.
+            generator: Draws a set and the order.
+        """
+        if self.drawn is None:
+            return self.missions
+        chosen = missions_of_set(self.drawn, int(generator.integers(len(self.drawn.sets))))
+        return tuple(chosen[place] for place in generator.permutation(egos).tolist())
+
+
+def drawn_mission(described: EgoMissions) -> t.DrawnMission | None:
+    """Return what the egos' missions are drawn from, None if they are not drawn."""
+    return next((each for each in described if isinstance(each, t.DrawnMission)), None)
+
+
+def missions_of_set(drawn: t.DrawnMission, number: int) -> list[t.Mission]:
+    """Return the missions of one of the sets that were drawn at build."""
+    pairs = drawn.sets[number]
+    return [t.Mission(t.Route(drawn.starts[start], drawn.goals[goal])) for start, goal in pairs]
 
 
 def check_without_handovers(scenario: t.Scenario, place: str) -> None:
@@ -43,7 +75,8 @@ def check_without_handovers(scenario: t.Scenario, place: str) -> None:
     Raises:
         ScenarioError: There are bubbles, social agents, or missions that begin in a vehicle of traffic.
     """
-    tactics = [mission.entry_tactic for mission in scenario.ego_missions or ()]
+    missions = scenario.ego_missions or ()
+    tactics = [each.entry_tactic for each in missions if not isinstance(each, t.DrawnMission)]
     takes_over = any(isinstance(tactic, t.TrapEntryTactic | t.IdEntryTactic) for tactic in tactics)
     if scenario.bubbles or scenario.social_agent_missions or takes_over:
         raise ScenarioError(
@@ -61,6 +94,7 @@ def episode_plans(
     Where groups of social agents take turns, each of these comes with every turn. With as many missions as
     egos there is one set. With fewer egos, sets of that many follow each other through the missions, round to
     the first if need be, until each mission has been in one. Without missions, every ego gets a random route.
+    Missions that are drawn are one set, which `EpisodePlan.missions_of` draws.
 
     Args:
         scenario: The scenario.
@@ -71,30 +105,28 @@ def episode_plans(
     Raises:
         ScenarioError: There are more egos than missions.
     """
-    missions = expand(scenario.ego_missions or ())
+    missions, drawn = expand(scenario.ego_missions or ()), drawn_mission(scenario.ego_missions or ())
     sets = mission_sets(scenario.ego_missions or (), egos, place)
-    left = max(0, len(missions) - egos)
+    left = 0 if drawn else max(0, len(missions) - egos)
     spares = [
         tuple(missions[((first + 1) * egos + rank) % len(missions)] for rank in range(left))
         for first in range(len(sets))
     ]
     return tuple(
-        EpisodePlan(name, chosen, spare, social)
+        EpisodePlan(name, chosen, spare, social, drawn)
         for name in traffic or scenario.traffic or (None,)
         for chosen, spare in zip(sets, spares, strict=True)
         for social in social_turns(scenario)
     )
 
 
-def mission_sets(
-    described: Sequence[t.AnyMission], egos: int, place: str = ""
-) -> tuple[tuple[t.AnyMission, ...], ...]:
+def mission_sets(described: EgoMissions, egos: int, place: str = "") -> tuple[tuple[t.AnyMission, ...], ...]:
     """Return the sets of missions that `egos` agents take turns with; see `episode_plans`."""
-    missions = expand(described)
-    if not missions:
+    if not described:
         return (tuple(t.Mission(t.RandomRoute(f"ego-{ego}")) for ego in range(egos)),)
     check_egos(described, egos, place)
-    if egos == 0:
+    missions = expand(described)
+    if egos == 0 or drawn_mission(described):
         return ((),)
     count = math.ceil(len(missions) / egos)
     return tuple(
@@ -129,11 +161,11 @@ def _group_turns(
     return [(role(actor, mission),) for actor in actors for mission in missions]
 
 
-def check_egos(described: Sequence[t.AnyMission], egos: int, place: str = "") -> None:
+def check_egos(described: EgoMissions, egos: int, place: str = "") -> None:
     """Raise a ScenarioError if there are missions, but fewer than egos."""
-    count = sum(
-        mission.actor_count if isinstance(mission, t.GroupedLapMission) else 1 for mission in described
-    )
+    drawn = drawn_mission(described)
+    groups = [each.actor_count for each in described if isinstance(each, t.GroupedLapMission)]
+    count = drawn.count if drawn else len(described) - len(groups) + sum(groups)
     if 0 < count < egos:
         raise ScenarioError(
             f"{egos} egos, but only {count} missions",
@@ -142,11 +174,17 @@ def check_egos(described: Sequence[t.AnyMission], egos: int, place: str = "") ->
         )
 
 
-def expand(missions: Sequence[t.AnyMission]) -> tuple[t.AnyMission, ...]:
-    """Return the missions with each group of lap missions replaced by its members'."""
+def expand(missions: EgoMissions) -> tuple[t.AnyMission, ...]:
+    """Return the missions with each group of lap missions replaced by its members'.
+
+    Of missions that are drawn, those of the first set stand for all; before the build there is none.
+    """
     expanded: list[t.AnyMission] = []
     for mission in missions:
-        expanded += grid(mission) if isinstance(mission, t.GroupedLapMission) else [mission]
+        if isinstance(mission, t.DrawnMission):
+            expanded += missions_of_set(mission, 0) if mission.sets else []
+        else:
+            expanded += grid(mission) if isinstance(mission, t.GroupedLapMission) else [mission]
     return tuple(expanded)
 
 

@@ -29,6 +29,7 @@ from smarts.sstudio.placement import (
     target_lane,
     via_place,
 )
+from smarts.sstudio.sstypes.constants import RANDOM_OFFSET
 from smarts.sstudio.traffic_checks import LEAST, TrafficChecks
 from smarts.sstudio.ways import is_on_way
 
@@ -62,8 +63,11 @@ class _Validation(TrafficChecks, BubbleChecks):
         self.require(is_file, "map_spec.builder_fn", "functions that build maps are not supported", remedy)
         for where, traffic in self.named(scenario.traffic, t.Traffic, "traffic"):
             self.traffic(traffic, where)
-        for where, mission in self.each(scenario.ego_missions, MISSIONS, "ego_missions"):
-            self._mission(mission, where)
+        for where, mission in self.each(scenario.ego_missions, (*MISSIONS, t.DrawnMission), "ego_missions"):
+            if isinstance(mission, t.DrawnMission):
+                self._drawn(mission, len(scenario.ego_missions or ()), where)
+            else:
+                self._mission(mission, where)
         groups = self.named(scenario.social_agent_missions, (list, tuple), "social_agent_missions")
         for where, group in groups:
             self._social_agents(group, where)
@@ -94,6 +98,19 @@ class _Validation(TrafficChecks, BubbleChecks):
             self._task(mission.task, mission.route, f"{where}.task")
         if mission.entry_tactic is not None:
             self._entry(mission.entry_tactic, begin, f"{where}.entry_tactic")
+
+    def _drawn(self, mission: t.DrawnMission, missions: int, where: str) -> None:
+        self.require(
+            missions == 1, where, "it is not the only mission", "leave out the others, or give count"
+        )
+        for name in ("starts", "goals"):
+            for number, place in enumerate(getattr(mission, name)):
+                at = f"{where}.{name}[{number}]"
+                open_lane_of(self.roads, place, self.at(at), BUSES)
+                self.require(place[2] != RANDOM_OFFSET, at, "its offset is random", "use an offset [m]")
+        self.numbers(mission, where, "count", least=1)
+        self.numbers(mission, where, "arrivals")
+        self.number(mission.conflicts, f"{where}.conflicts", most=1.0)
 
     def _mission_route(
         self, mission: t.Mission | t.LapMission, where: str

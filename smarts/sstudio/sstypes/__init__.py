@@ -34,6 +34,7 @@ from smarts.sstudio.sstypes.map_spec import MapBuilder as MapBuilder
 from smarts.sstudio.sstypes.map_spec import MapSpec as MapSpec
 from smarts.sstudio.sstypes.mission import AnyMission as AnyMission
 from smarts.sstudio.sstypes.mission import CutIn as CutIn
+from smarts.sstudio.sstypes.mission import DrawnMission as DrawnMission
 from smarts.sstudio.sstypes.mission import EndlessMission as EndlessMission
 from smarts.sstudio.sstypes.mission import GroupedLapMission as GroupedLapMission
 from smarts.sstudio.sstypes.mission import LapMission as LapMission

@@ -155,3 +155,30 @@ class GroupedLapMission(Described):
 
 
 AnyMission = Mission | EndlessMission | LapMission | GroupedLapMission
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMission(Described):
+    """Missions of all agents, drawn from lists of starts and goals in every episode (an extension).
+
+    It is the only one of a scenario's `ego_missions`. The build finds the ways from a start to a goal that
+    fit, draws sets of them, and notes the shares. Every episode takes one of the sets, and deals its
+    missions to the agents in a new order. Fewer agents take the first missions of a set.
+    """
+
+    starts: Sequence[tuple[str, int, Any]]
+    """Where agents may start, as `Route.begin`, without "random". No two of a set are within 7.5 m."""
+    goals: Sequence[tuple[str, int, Any]]
+    """Where they may have to go, as `starts`."""
+    distinct: bool = True
+    """Whether no two agents of an episode have the same goal."""
+    count: int = 4
+    """Number of missions of a set: the most agents that the scenario has room for."""
+    length: tuple[float, float] = (80.0, 250.0)
+    """The least and the largest length of a way [m]. A way has at most one lane change in 40 m of a road."""
+    conflicts: float = 0.7
+    """Least share of sets in which the ways of two agents meet, within `arrivals`. These two come first."""
+    arrivals: float = 5.0
+    """Most time between their arrivals where their ways meet, if each drives at the limits [s]."""
+    sets: Sequence[Sequence[tuple[int, int]]] = ()
+    """Written by the build: numbers of start and goal of each mission of each set."""

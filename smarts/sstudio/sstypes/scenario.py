@@ -12,7 +12,7 @@ from smarts.sstudio.sstypes.bubble import Bubble
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.identity import Described
 from smarts.sstudio.sstypes.map_spec import MapSpec
-from smarts.sstudio.sstypes.mission import AnyMission
+from smarts.sstudio.sstypes.mission import AnyMission, DrawnMission
 from smarts.sstudio.sstypes.standard_metadata import StandardMetadata
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
@@ -90,7 +90,7 @@ class Variation(Described):
     """The difference, in one line."""
     map_spec: MapSpec | None = None
     traffic: Mapping[str, Traffic] | None = None
-    ego_missions: Sequence[AnyMission] | None = None
+    ego_missions: Sequence[AnyMission | DrawnMission] | None = None
     seed: int | None = None
 
 
@@ -109,8 +109,9 @@ class Scenario(Described):
     """The map; unless given, the one in the scenario's folder."""
     traffic: Mapping[str, Traffic] | None = None
     """Variations of the traffic by name; episodes take turns with them."""
-    ego_missions: Sequence[AnyMission] | None = None
-    """Missions of the learning agents: one agent cycles through them, several agents share them."""
+    ego_missions: Sequence[AnyMission | DrawnMission] | None = None
+    """Missions of the learning agents: one agent cycles through them, several agents share them. Or one
+    `DrawnMission`, from which each episode draws."""
     social_agent_missions: SocialMissions | None = None
     """Groups of other agents and their missions.
 

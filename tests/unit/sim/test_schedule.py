@@ -89,3 +89,23 @@ def test_the_limit_follows_from_the_map(scenarios):
     assert schedule.limit == max(map(vehicle_limit, scenarios))
     limits = {start.scenario: start.limit for start in (schedule.start(0, n) for n in range(12))}
     assert limits == {built.name: vehicle_limit(built) + 2 for built in scenarios}
+
+
+def test_scenarios_come_by_their_weights_whatever_they_have(scenarios):
+    # The loop has many more sets of missions for one ego than the others have.
+    weights, episodes = (3.0, 1.0, 2.0), 1200
+    schedule = Schedule(scenarios, ["ego"], weights=weights)
+    names = [schedule.combination(world, episode).built.name for world in range(4) for episode in range(300)]
+    counts = [names.count(built.name) for built in scenarios]
+    expected = [episodes * weight / sum(weights) for weight in weights]
+    chi_square = sum((got - want) ** 2 / want for got, want in zip(counts, expected, strict=True))
+    assert chi_square < 9.2  # the 99th percentile with two degrees of freedom
+    played = {described(schedule.combination(world, 0)) for world in range(1000)}
+    assert played == {described(each) for each in schedule.combinations}
+    other = Schedule(scenarios, ["ego"], weights=weights)
+    assert other.combination(3, 299).built.name == names[-1]
+
+
+def test_weights_are_one_for_each_scenario(scenarios):
+    with raises(ScenarioError, "weights", values=[2, 3]):
+        Schedule(scenarios, ["ego"], weights=(1.0, 2.0))
