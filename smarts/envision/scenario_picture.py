@@ -135,7 +135,10 @@ def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
 
 
 def draw_missions(
-    axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission], entered: Sequence[int] = ()
+    axes: Axes,
+    roads: LaneGraph,
+    missions: Iterable[t.AnyMission | t.DrawnMission],
+    entered: Sequence[int] = (),
 ) -> None:
     """Draw each mission's route as a line and its goal as a ring; random missions are skipped.
 

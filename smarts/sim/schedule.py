@@ -96,8 +96,8 @@ class Schedule:
     """The episodes of a run.
 
     Each simulation plays all combinations of scenarios, traffic and missions in an order of its own, then all
-    of them in another order, and so on. With weights, each episode draws its scenario by them, and one of that
-    scenario's combinations.
+    of them in another order, and so on. With weights, each episode draws a scenario, and one of its
+    combinations.
 
     Args:
         scenarios: The scenarios.
