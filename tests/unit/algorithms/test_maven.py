@@ -17,8 +17,8 @@ from algorithms.maven import (
     EpisodeReturns,
     MAVENModule,
     latent_of,
-    state_without_latent,
 )
+from algorithms.qmix import MIXER
 from tests.games.games import Constant, Cues, Ragged, TwoStep
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -106,13 +106,14 @@ def test_the_discriminator_does_not_see_the_latent_and_the_mixer_does():
     for game in (TwoStep, Cues):  # with a state, and with joint observations
         rig = Rig("maven", game, latents=4, **REPLAY)
         batch = replayed(rig, epsilon=1.0)
-        state, mixed = state_without_latent(batch), rig.learner.state(batch)
+        encoder, mixer = rig.learner.net(DISCRIMINATOR).encoder, rig.learner.net(MIXER).mixer.encoder
+        state, mixed = encoder(batch), mixer(batch)
         latents = latent_of(batch).clone()
         for leaves in batch.observations:
             leaves[LATENT][:] = leaves[LATENT].roll(1, -1)
-        assert torch.equal(state_without_latent(batch), state)
+        assert torch.equal(encoder(batch), state)
         assert torch.equal(latent_of(batch), latents.roll(1, -1))
-        assert not torch.equal(rig.learner.state(batch), mixed)
+        assert not torch.equal(mixer(batch), mixed)
 
 
 def test_the_penalty_is_the_surprise_at_the_latent_written_out():
@@ -120,10 +121,11 @@ def test_the_penalty_is_the_surprise_at_the_latent_written_out():
     batch = replayed(rig, 40, epsilon=1.0)
     ((group, own),) = batch.groups()
     values = {group.id: rig.learner.net(group.id).policy(own)}
-    body, total, count = rig.learner.net(DISCRIMINATOR).body, 0.0, 0
+    discriminator, total, count = rig.learner.net(DISCRIMINATOR), 0.0, 0
+    state = discriminator.encoder(batch)
     for m in range(len(batch)):
         policies = [own.alive[m, i] * values[group.id][m, i].softmax(-1) for i in range(3)]
-        guess = body(torch.cat([state_without_latent(batch)[m], *policies])).softmax(-1)
+        guess = discriminator.body(torch.cat([state[m], *policies])).softmax(-1)
         if batch.alive[m].any():
             total, count = total - guess[latent_of(batch)[m].argmax()].log().item(), count + 1
     found = rig.learner.penalty(batch, values).item()
