@@ -61,11 +61,6 @@ class Answer(NamedTuple):
             actions = [self.actions[place] for place in np.flatnonzero(chosen).tolist()]
         return Answer(self.policy, part_of(self.request, chosen), actions)
 
-    def without(self, rows: Collection[int]) -> Answer | None:
-        """Return the answer without the agents of some simulations, None if no agent is left."""
-        kept = ~np.isin(self.request.batch.env_id, [*rows])
-        return self.at(kept) if kept.any() else None
-
 
 class InProcess:
     """Runs the policies in this process: they decide when their actions are fetched, however long they take.

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
+from pydantic_core import PydanticCustomError
 
 from smarts.errors import SmartsError, nearest_names, shown
 
@@ -26,11 +27,13 @@ def _plain(value: Any) -> Any:
 
 def _members(value: Any) -> Any:
     """Return the members of a sequence of any kind as a tuple; a text is not a list of letters."""
-    return value if isinstance(value, str) or not np.iterable(value) else tuple(value)
+    if isinstance(value, str):
+        raise PydanticCustomError("text", "Input should be a list, such as ['{value}']", {"value": value})
+    return tuple(value) if np.iterable(value) else value
 
 
 Plain = BeforeValidator(_plain)
-Sequence = BeforeValidator(_members)
+Listed = BeforeValidator(_members)
 """Makes a field of a tuple take a sequence of any kind."""
 Count = Annotated[int, Plain, Field(ge=1)]
 WholeFrom0 = Annotated[int, Plain, Field(ge=0)]
@@ -75,27 +78,6 @@ def _first_of(error: ValidationError, kind: type) -> InterfaceError:
         return InterfaceError(problem, place=where, remedy=f"give at most {len(names)} without a name")
     if first["type"] == "missing":
         return InterfaceError(f"{name} is missing", place=where, remedy="give it")
-    said = [each["msg"].removeprefix("Input should be ") for each in errors if each["loc"][0] == place]
-    remedy = f"it should be {' or '.join(said)}"
+    said = [each["msg"].partition(" should ")[2] for each in errors if each["loc"][0] == place]
+    remedy = f"it should {' or '.join(said)}"
     return InterfaceError(f"{name} is {shown(first['input'])}", place=where, remedy=remedy)
-
-
-def check_instance(
-    name: str, value: Any, kind: type | tuple[type, ...], example: str, place: str = ""
-) -> None:
-    """Raise unless a value is of a type.
-
-    Raises:
-        InterfaceError: The value is of another type; the remedy shows an example.
-    """
-    if not isinstance(value, kind):
-        raise _refusal(name, value, place, f"give {example}")
-
-
-def check_truth(name: str, value: Any, place: str = "") -> None:
-    """Raise unless a value is True or False."""
-    check_instance(name, value, (bool, np.bool_), "True or False", place)
-
-
-def _refusal(name: str, value: Any, place: str, remedy: str) -> InterfaceError:
-    return InterfaceError(f"{name} is {shown(value)}", place=place or name, remedy=remedy)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from smarts.agents.checks import NumberFrom0, Sequence, WholeFrom0, checked
+from smarts.agents.checks import Listed, NumberFrom0, WholeFrom0, checked
 from smarts.types.events import Event
 
 
@@ -12,7 +12,7 @@ from smarts.types.events import Event
 class AgentsListAlive:
     """Some egos, and how many of them must be left."""
 
-    agents_list: Annotated[tuple[str, ...], Sequence]
+    agents_list: Annotated[tuple[str, ...], Listed]
     """Their names; any sequence will do."""
     minimum_agents_alive_in_list: WholeFrom0
 
@@ -25,7 +25,7 @@ class AgentsAliveDoneCriteria:
     """Least number of egos."""
     minimum_total_agents_alive: WholeFrom0 | None = None
     """Least number of all agents."""
-    agent_lists_alive: Annotated[tuple[AgentsListAlive, ...] | None, Sequence] = None
+    agent_lists_alive: Annotated[tuple[AgentsListAlive, ...] | None, Listed] = None
     """Each is a condition of its own."""
 
 
@@ -33,7 +33,7 @@ class AgentsAliveDoneCriteria:
 class InterestDoneCriteria:
     """The agent ends when the vehicles of interest are gone."""
 
-    actors_filter: Annotated[tuple[str, ...], Sequence] = ()
+    actors_filter: Annotated[tuple[str, ...], Listed] = ()
     """Patterns (regular expressions) that names of vehicles of interest to this agent begin with."""
     include_scenario_marked: bool = True
     """Whether those that the scenario marks are of interest too."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from smarts.agents.checks import Count, InterfaceError, Plain, Sequence, checked
+from smarts.agents.checks import Count, InterfaceError, Listed, Plain, checked
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.options import (
     OGM,
@@ -131,14 +131,14 @@ class AgentInterface:
     signals: Signals | bool = False
     occlusion_map: OcclusionMap | bool = False
     """Needs an occupancy grid of the same size."""
-    custom_renders: tuple[Any, ...] = ()
+    custom_renders: tuple[()] = ()
     """Has to be empty: there are no shaders here."""
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How the vehicle moves: as a rigid body on tyres, or as a cheaper single-track model (not in the
     original)."""
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
     """What its tyres are like (not in the original)."""
-    flat_tyres: Annotated[tuple[Wheel, ...], Sequence] = ()
+    flat_tyres: Annotated[tuple[Wheel, ...], Listed] = ()
     """Tyres that are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
     the original)."""
     further_sensors: tuple[tuple[str, Any], ...] = ()
@@ -157,12 +157,6 @@ class AgentInterface:
                 f"there is no vehicle class {self.vehicle_class!r}",
                 place="AgentInterface.vehicle_class",
                 remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
-            )
-        if self.custom_renders:
-            raise InterfaceError(
-                "custom_renders need OpenGL, which is not used here",
-                place="AgentInterface",
-                remedy="draw from drivable_area_grid_map, occupancy_grid_map and top_down_rgb instead",
             )
         self._check_occlusion()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from smarts.agents.checks import Count, Number, Positive, Sequence, WholeFrom0, checked
+from smarts.agents.checks import Count, Listed, Number, Positive, WholeFrom0, checked
 from smarts.agents.checks import InterfaceError as InterfaceError
 
 
@@ -52,7 +52,7 @@ class SensorParams:
     """Angle of the first ray around, from straight ahead counter-clockwise [rad]."""
     end_angle: Number
     """[rad]"""
-    laser_angles: Annotated[tuple[Number, ...], Sequence]
+    laser_angles: Annotated[tuple[Number, ...], Listed]
     """How far up each laser looks [rad]; any sequence of numbers will do."""
     angle_resolution: Positive
     """Angle between rays around [rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -11,9 +12,8 @@ import numpy as np
 from smarts.agents.checks import (
     Count,
     InterfaceError,
+    Listed,
     Positive,
-    Sequence,
-    check_instance,
     checked,
 )
 from smarts.agents.hosting.options import HERE, HostOptions, Starter
@@ -71,19 +71,12 @@ class Wanted(NamedTuple):
 
 def wanted(locator: str, options: Mapping[str, Any], boid: str = "") -> Wanted:
     """Return the policy with some arguments."""
-    return Wanted(locator, _canonical(options), boid)
+    return Wanted(locator, json.dumps(options, sort_keys=True, default=_plain), boid)
 
 
-def _canonical(value: Any) -> str:
-    """Return a text that is equal for equal values; that of an array has all of its numbers."""
-    if isinstance(value, Mapping):
-        pairs = sorted((_canonical(key), _canonical(each)) for key, each in value.items())
-        return f"{{{', '.join(f'{key}: {each}' for key, each in pairs)}}}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_canonical, value))}]"
-    if isinstance(value, np.ndarray):
-        return f"{value.dtype}{value.shape}{_canonical(value.tolist())}"
-    return repr(value)
+def _plain(value: Any) -> Any:
+    """Return what stands for a value in a text; all numbers of an array do."""
+    return value.tolist() if isinstance(value, np.ndarray) else repr(value)
 
 
 @checked
@@ -108,7 +101,7 @@ class BubbleLearning:
 
     episode_time: Positive
     """Length of episodes [s]."""
-    bubbles: Annotated[tuple[str, ...], Sequence] = ()
+    bubbles: Annotated[tuple[str, ...], Listed] = ()
     """Ids of the bubbles; empty: all. In the others the scenario's actors drive."""
 
     def has(self, bubble: str) -> bool:
@@ -144,19 +137,13 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
     return BubbleLearning(episode_time, () if bubbles is True else bubbles)
 
 
-def social_agents(given: Any) -> tuple[SocialAgents, ...]:
+def social_agents(given: Iterable[SocialAgents | Mapping[str, Any]]) -> tuple[SocialAgents, ...]:
     """Return the social agents of an environment, each given as itself or as a dict of its fields.
 
     Raises:
-        InterfaceError: What is given is no list of them; names the value.
+        InterfaceError: A field is not what it can be.
     """
-    check_instance("social_agents", given, (list, tuple), "[{'agent': 'smarts.zoo:idm-v0', 'count': 2}]")
-    return tuple(each if isinstance(each, SocialAgents) else _read(each) for each in given)
-
-
-def _read(entry: Any) -> SocialAgents:
-    check_instance("an entry", entry, Mapping, "{'agent': 'smarts.zoo:idm-v0', 'count': 2}", "social_agents")
-    return SocialAgents(**entry)
+    return tuple(each if isinstance(each, SocialAgents) else SocialAgents(**each) for each in given)
 
 
 @dataclass(frozen=True)

@@ -10,30 +10,13 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import Agent
 
-
-def _same_observation(observation: Any) -> Any:
-    return observation
-
-
-def _same_action(action: Any) -> Any:
-    return action
+ADAPTERS = ("observation", "action", "reward", "info")
+"""What the adapters of a spec change."""
 
 
-def _same_reward(observation: Any, reward: float) -> Any:
-    return reward
-
-
-def _same_info(observation: Any, reward: float, info: Any) -> Any:
-    return info
-
-
-# Named functions, not lambdas, so that specs can be pickled.
-_NEUTRAL: Mapping[str, Callable[..., Any]] = {
-    "observation": _same_observation,
-    "action": _same_action,
-    "reward": _same_reward,
-    "info": _same_info,
-}
+def _unchanged(*values: Any) -> Any:
+    """Return the last value, which an adapter is to change: observation, action, reward or info."""
+    return values[-1]
 
 
 @dataclass
@@ -55,13 +38,13 @@ class AgentSpec:
     """A mapping is given as keywords, a list or tuple in its order, anything else as the one argument."""
     policy_builder: Callable[..., Agent] | None = None
     policy_params: Any = None
-    observation_adapter: Callable[[Any], Any] = _same_observation
+    observation_adapter: Callable[[Any], Any] = _unchanged
     """Observation -> what the policy sees."""
-    action_adapter: Callable[[Any], Any] = _same_action
+    action_adapter: Callable[[Any], Any] = _unchanged
     """What the policy says -> action."""
-    reward_adapter: Callable[[Any, float], Any] = _same_reward
+    reward_adapter: Callable[[Any, float], Any] = _unchanged
     """Observation, reward -> reward."""
-    info_adapter: Callable[[Any, float, Any], Any] = _same_info
+    info_adapter: Callable[[Any, float, Any], Any] = _unchanged
     """Observation, reward, info -> info."""
     perform_self_test: bool = False
     """Has no effect. Kept so that the original's specs can be read."""
@@ -81,9 +64,7 @@ class AgentSpec:
     @property
     def own_adapters(self) -> frozenset[str]:
         """Names of the adapters that do something: "observation", "action", "reward", "info"."""
-        return frozenset(
-            name for name, neutral in _NEUTRAL.items() if getattr(self, f"{name}_adapter") is not neutral
-        )
+        return frozenset(name for name in ADAPTERS if getattr(self, f"{name}_adapter") is not _unchanged)
 
     def replace(self, **changes: Any) -> AgentSpec:
         """Return a copy with some fields changed, under their old names or their new ones."""

@@ -8,7 +8,8 @@ Axis letters: B simulations, A agents, G agents of a group, N chosen actions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +24,10 @@ from smarts.controllers.action_formats import (
     numbers_of,
     rejection,
 )
-from smarts.env.groups import ActionEncoding, AgentGroup
+from smarts.env.groups import AgentGroup
 from smarts.types.actions import Actions
+from smarts.types.agent_states import AgentStatus
+from smarts.types.world import World
 
 
 class Parsed(NamedTuple):
@@ -38,32 +41,91 @@ class Parsed(NamedTuple):
     age: Any = 0
     """Steps since the decision, a number or shape (N,)."""
 
+    def write(self, out: Actions, action_mask: Bools) -> None:
+        """Write the actions, and mark them as fresh; `action_mask` says what is allowed now, (B, A, 4)."""
+        self.format.write(self.numbers, self.places, out)
+        mask = action_mask[self.places] if self.action_mask is None else self.action_mask
+        out.action_mask[self.places], out.age[self.places] = mask, self.age
+        out.given[self.places] = out.fresh[self.places] = True
+
+    def kept(self, action_mask: Bools, age: int) -> Parsed:
+        """Return what can be written later, at an age: the world's masks change meanwhile."""
+        return self._replace(action_mask=action_mask[self.places].copy(), age=age)
+
+    def at(self, there: Bools) -> Parsed | None:
+        """Return the actions of the agents in a mask, shape (B, A); None if there are none."""
+        is_there = there[self.places]
+        if np.all(is_there):
+            return self
+        if np.ndim(is_there) == 0 or not is_there.any():
+            return None
+        rows, agent_ids = self.places
+        assert self.action_mask is not None
+        return self._replace(
+            numbers=self.numbers[is_there],
+            places=(rows[is_there], agent_ids[is_there]),
+            action_mask=self.action_mask[is_there],
+        )
+
 
 class Own(NamedTuple):
-    """Actions for an adapter's own encoding."""
+    """Actions of a group's agents for its adapter's own encoding."""
 
-    encoding: ActionEncoding
+    group: AgentGroup
     given: NDArray
     """Shape (B, G, ...)."""
     chosen: Bools
     """Shape (B, G)."""
-    agent_ids: Ints
-    """Rows of `AgentStates`, shape (G,)."""
     age: int = 0
     """Steps since the decision."""
 
+    def write(self, out: Actions, action_mask: Bools) -> None:
+        """Let the adapter check and write the actions.
+
+        Raises:
+            ActionError: It rejects one.
+        """
+        encoding: Any = self.group.adapter
+        encoding.encode(self.given, self.chosen, out)
+        rows, columns = np.nonzero(self.chosen)
+        out.age[rows, self.group.agent_ids[columns]] = self.age
+
+    def kept(self, action_mask: Bools, age: int) -> Own:
+        """Return what can be written later, at an age: the arrays are the caller's."""
+        return self._replace(given=self.given.copy(), chosen=self.chosen.copy(), age=age)
+
+    def at(self, there: Bools) -> Own:
+        """Return the actions of the agents in a mask, shape (B, A)."""
+        return self._replace(chosen=self.chosen & there[:, self.group.agent_ids])
+
+
+@dataclass
+class _Sent:
+    """Actions on their way."""
+
+    actions: list[Own | Parsed]
+    due: Ints
+    """Step of each simulation from which on they are carried out, shape (B,)."""
+    left: Bools
+    """Simulations in which they are not yet carried out, shape (B,)."""
+
 
 class ActionEncoder:
-    """Checks agents' actions, and writes them into the buffers of a simulation.
+    """Checks agents' actions, and writes them into the buffers of a simulation, at once or some steps later.
+
+    Until an action arrives the last one that has is kept; before the first one, a vehicle is driven as before
+    its agent's first decision. An action whose agent has ended meanwhile is dropped.
 
     Args:
         actions: The buffers, with the action types of all agents.
-        action_mask: Which lane actions are allowed now, shape (B, A, 4).
+        world: The simulations.
+        latency: Steps from an action to when it is carried out.
     """
 
-    def __init__(self, actions: Actions, action_mask: Bools) -> None:
-        self._actions, self._action_mask = actions, action_mask
+    def __init__(self, actions: Actions, world: World, latency: int = 0) -> None:
+        self._actions, self._world, self._latency = actions, world, latency
         self._most_points = actions.path.shape[2]
+        self._sent: list[_Sent] = []
 
     def parse(self, agent: str, action: Any, row: int, agent_id: int) -> Parsed:
         """Check one agent's action, given as users do: numbers, a lane action's name, a tuple of columns.
@@ -87,7 +149,7 @@ class ActionEncoder:
             ActionError: An action is not finite, or not one of a discrete space.
         """
         rows, columns = np.nonzero(chosen)
-        found = action_format(group.kind)
+        found = action_format(group.context.action)
         numbers = found.parse_batch(given[rows, columns])
         if isinstance(numbers, Rejected):
             row, column = int(rows[numbers.first]), int(columns[numbers.first])
@@ -95,22 +157,46 @@ class ActionEncoder:
             raise rejection(given[row, column].tolist(), numbers.problem, place, found.remedy)
         return Parsed(found, numbers, (rows, group.agent_ids[columns]))
 
-    def write(self, parsed: Iterable[Parsed], own: Sequence[Own] = ()) -> None:
-        """Write actions, and mark them as fresh.
+    def write(self, given: Iterable[Own | Parsed]) -> None:
+        """Write actions, and mark them as fresh; with a latency, `release` does.
 
         Raises:
             ActionError: An adapter's own encoding rejects an action.
         """
-        actions = self._actions
-        for encoding, given, chosen, agent_ids, age in own:
-            encoding.encode(given, chosen, actions)
-            rows, columns = np.nonzero(chosen)
-            actions.age[rows, agent_ids[columns]] = age
-        for each in parsed:
-            each.format.write(each.numbers, each.places, actions)
-            mask = self._action_mask[each.places] if each.action_mask is None else each.action_mask
-            actions.action_mask[each.places], actions.age[each.places] = mask, each.age
-            actions.given[each.places] = actions.fresh[each.places] = True
+        mask, world = self._world.agents.action_mask, self._world
+        if self._latency:
+            kept = [each.kept(mask, self._latency) for each in given]
+            self._sent.append(_Sent(kept, world.step + self._latency, np.ones(world.worlds, np.bool_)))
+            return
+        # Own encodings first: they may still reject an action.
+        for each in sorted(given, key=_is_checked):
+            each.write(self._actions, mask)
+
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the actions of simulations in which other episodes begin."""
+        for sent in self._sent:
+            sent.left[[*rows]] = False
+
+    def release(self, env_mask: Bools) -> None:
+        """Write the actions that arrive before the next step of some simulations, shape (B,).
+
+        Raises:
+            ActionError: An adapter's own encoding rejects an action.
+        """
+        agents = self._world.agents
+        for sent in self._sent:
+            arrives = env_mask & sent.left & (sent.due <= self._world.step)
+            if arrives.any():
+                there = arrives[:, None] & (agents.state == int(AgentStatus.ACTIVE))
+                arrived = [part for each in sent.actions if (part := each.at(there)) is not None]
+                for each in sorted(arrived, key=_is_checked):
+                    each.write(self._actions, agents.action_mask)
+                sent.left &= ~arrives
+        self._sent = [sent for sent in self._sent if sent.left.any()]
+
+
+def _is_checked(given: Own | Parsed) -> bool:
+    return isinstance(given, Parsed)
 
 
 def place_of(agent: str, row: int | None = None) -> str:
@@ -155,6 +241,8 @@ def _numeric(group: AgentGroup, given: ArrayLike, worlds: int) -> NDArray:
         values = np.asarray(given)
     except ValueError:  # its rows are of different lengths
         values = np.empty(0)
+    if len(group.agents) == 1 and values.shape == (worlds, *shape[2:]):
+        values = values[:, None]
     if values.shape != shape or values.dtype.kind not in "iuf":
         place = f"actions of {', '.join(group.agents)}"
         raise rejection(

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Discrete, Space
+from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from smarts.agents.options import InterfaceError
@@ -36,24 +37,19 @@ class BlackDeath(NotCopied, ParallelEnv):
         self._env = env
         self.metadata, self.render_mode = env.metadata, env.render_mode
         self.possible_agents, self.agents = env.possible_agents, []
-        self._vectors: dict[str, Box] = {}
-        self._choices: dict[str, Discrete] = {}
+        self.observation_spaces, self.action_spaces = env.observation_spaces, env.action_spaces
+        self._nothing: dict[str, NDArray] = {}
+        self._no_choice: dict[str, NDArray] = {}
         for name in self.possible_agents:
-            observation, action = env.observation_spaces[name], env.action_spaces[name]
-            if not (
-                isinstance(observation, Box) and len(observation.shape) == 1 and isinstance(action, Discrete)
-            ):
+            observation, action = self.observation_space(name), self.action_space(name)
+            if not isinstance(action, Discrete) or len(observation.shape or ()) != 1:
                 raise InterfaceError(
                     f"agent {name!r} acts in {action} and observes {observation}",
                     place=type(self).__name__,
                     remedy='take the action "Lane" and an observation that is a vector',
                 )
-            self._vectors[name], self._choices[name] = observation, action
-        self.observation_spaces, self.action_spaces = {**self._vectors}, {**self._choices}
-        self._nothing = {name: np.zeros(space.shape, space.dtype) for name, space in self._vectors.items()}
-        self._no_choice = {
-            name: np.eye(1, int(space.n), dtype=np.int8)[0] for name, space in self._choices.items()
-        }
+            self._nothing[name] = np.zeros(observation.shape or (), observation.dtype)
+            self._no_choice[name] = np.eye(1, int(action.n), dtype=np.int8)[0]
         self._terminated: dict[str, bool] = {}
         self._truncated: dict[str, bool] = {}
 
@@ -62,13 +58,13 @@ class BlackDeath(NotCopied, ParallelEnv):
         """The agents that are in the simulation."""
         return self._env.agents
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations."""
-        return self._vectors[agent]
+        return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Discrete:
+    def action_space(self, agent: str) -> Space:
         """Return the space of an agent's actions."""
-        return self._choices[agent]
+        return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict | None = None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
@@ -13,17 +13,14 @@ from smarts.agents.hosting.options import (
     IN_PROCESS,
     OTHERS,
     HostError,
-    HostOptions,
     HostsByLocator,
     Starter,
     host_of,
 )
 from smarts.agents.hosting.remote import RemoteAgent
-from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import Agent, BatchAgent
 from smarts.agents.social import (
-    NO_CAST,
     BubbleLearning,
     Cast,
     SocialAgents,
@@ -33,7 +30,6 @@ from smarts.agents.social import (
     interface_of,
     wanted,
 )
-from smarts.agents.spec import AgentSpec
 from smarts.bubbles.placing import agent_actor
 from smarts.errors import OwnCodeError, SmartsError, nearest_names
 from smarts.observations.lists import feature_list
@@ -53,48 +49,11 @@ class Part(NamedTuple):
 
     name: str
     """Name of the policy, for errors and records."""
-    locator: str
+    wanted: Wanted
     options: Mapping[str, Any]
     place: str
     """Place that errors name."""
-    boid: str = ""
     keep_alive: bool = False
-
-
-@dataclass
-class Casting:
-    """Makes each distinct policy once."""
-
-    policies: list[SocialPolicy] = field(default_factory=list)
-    numbers: dict[Wanted, int] = field(default_factory=dict)
-    hosts: HostsByLocator = field(default_factory=dict)
-    """Options of where agents act, by locator."""
-
-    def add(self, part: Part) -> int:
-        """Return the number of a policy, which is made if it is not there yet.
-
-        Raises:
-            SmartsError: There is no such agent, or it cannot be made; names what asks for it.
-        """
-        key = wanted(part.locator, part.options, part.boid)
-        if key not in self.numbers:
-            self.numbers[key] = len(self.policies)
-            self.policies.append(_policy(part, self.hosts))
-        number = self.numbers[key]
-        if part.keep_alive:
-            self.policies[number] = replace(self.policies[number], keep_alive=True)
-        return number
-
-    def cast(self, extra: Iterable[tuple[int, int | str]]) -> Cast:
-        """Return the policies, their interfaces numbered in order of appearance."""
-        # The specs of all policies have an interface, see `_interface`.
-        interfaces = [_interface(policy.spec, policy.name) for policy in self.policies]
-        known = distinct(interfaces)
-        numbered = [
-            replace(policy, interface=known.index(interface))
-            for policy, interface in zip(self.policies, interfaces, strict=True)
-        ]
-        return Cast(tuple(numbered), self.numbers, tuple(extra))
 
 
 def cast_of(
@@ -103,7 +62,7 @@ def cast_of(
     learning: BubbleLearning | None = None,
     hosts: HostsByLocator = HOSTS_HERE,
 ) -> Cast:
-    """Return the social policies of a run.
+    """Return the social policies of a run; equal ones that several parts ask for are made once.
 
     Args:
         scenarios: Their bubbles and social agents' missions ask for policies.
@@ -115,20 +74,27 @@ def cast_of(
         SmartsError: A locator or its arguments are unknown; an agent cannot be made, does not act, or not
             where it is to; or a scenario has no bubble to learn in.
     """
-    casting = Casting(hosts=hosts)
     if learning:
         _check_learning(scenarios, learning)
+    asked: list[Part] = []
     for built in scenarios:
         search(built.source)
-        for part in _parts(built, learning):
-            casting.add(part)
-    extra = [
-        (casting.add(Part(each.agent, each.agent, each.options, "social_agents")), each.count)
-        for each in added
-    ]
-    _check_hosts(hosts, casting.policies)
-    cast = casting.cast(extra) if casting.policies else NO_CAST
-    return replace(cast, learning=learning)
+        asked += _parts(built.scenario, built.name, learning)
+    extra = [_added(each.agent, each.options, "social_agents") for each in added]
+    first: dict[Wanted, Part] = {}
+    for part in (*asked, *extra):
+        first.setdefault(part.wanted, part)
+    kept = {part.wanted for part in asked if part.keep_alive}
+    policies = [replace(_policy(part, hosts), keep_alive=key in kept) for key, part in first.items()]
+    _check_hosts(hosts, policies)
+    interfaces = distinct(interface_of(policy.spec) for policy in policies)
+    numbers = {key: number for number, key in enumerate(first)}
+    return Cast(
+        tuple(replace(policy, interface=interfaces.index(interface_of(policy.spec))) for policy in policies),
+        numbers,
+        tuple((numbers[part.wanted], each.count) for part, each in zip(extra, added, strict=True)),
+        learning,
+    )
 
 
 def _check_hosts(hosts: HostsByLocator, policies: Sequence[SocialPolicy]) -> None:
@@ -147,7 +113,7 @@ def check_agent(locator: str, options: Mapping[str, Any], hosts: HostsByLocator 
     Raises:
         SmartsError: It cannot; names the locator.
     """
-    _policy(Part(locator, locator, options, ""), hosts)
+    _policy(_added(locator, options, ""), hosts)
 
 
 def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
@@ -171,7 +137,7 @@ def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning
 
 def locators_of(scenario: t.Scenario) -> list[str]:
     """Return the locators of the agents that a scenario's bubbles and missions ask for."""
-    return [part.locator for part in _parts_of(scenario, "", None)]
+    return [part.wanted.locator for part in _parts(scenario)]
 
 
 def check_locators(built: BuiltScenario) -> list[str]:
@@ -182,10 +148,10 @@ def check_locators(built: BuiltScenario) -> list[str]:
     """
     search(built.source)
     notes = []
-    for part in _parts(built, None):
+    for part in _parts(built.scenario, built.name):
         try:
-            if not is_address(part.locator):
-                find_entry(part.locator)
+            if not is_address(part.wanted.locator):
+                find_entry(part.wanted.locator)
         except OwnCodeError as error:
             notes.append(f"{part.place}: {error.problem}: runs need it by --import, or on the PYTHONPATH")
         except SmartsError as error:
@@ -199,11 +165,13 @@ def _at(place: str, error: SmartsError) -> SmartsError:
     return type(error)(error.problem, place=where, remedy=error.remedy)
 
 
-def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
-    return _parts_of(built.scenario, built.name, learning)
+def _added(locator: str, options: Mapping[str, Any], place: str) -> Part:
+    """Return what asks for a policy that no scenario names."""
+    return Part(locator, wanted(locator, options), options, place)
 
 
-def _parts_of(scenario: t.Scenario, name: str, learning: BubbleLearning | None) -> Iterator[Part]:
+def _parts(scenario: t.Scenario, name: str = "", learning: BubbleLearning | None = None) -> Iterator[Part]:
+    """Yield what asks for policies in a scenario."""
     for bubble in scenario.bubbles or ():
         actor = agent_actor(bubble)
         if actor is not None and not (learning and learning.has(bubble.id)):
@@ -215,45 +183,50 @@ def _parts_of(scenario: t.Scenario, name: str, learning: BubbleLearning | None) 
 
 
 def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) -> Part:
-    locator, _, boid = wanted_by(actor)
-    return Part(actor.name, locator, actor.policy_kwargs, f"{place}, actor {actor.name!r}", boid, keep_alive)
+    place = f"{place}, actor {actor.name!r}"
+    return Part(actor.name, wanted_by(actor), actor.policy_kwargs, place, keep_alive)
 
 
-def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
+def _policy(part: Part, hosts: HostsByLocator) -> SocialPolicy:
     """Make a policy once, to see what it observes; whoever runs it makes its own."""
-    host = host_of(hosts, part.locator)
     try:
-        return _made(part, host, hosts)
+        return _made(part, hosts)
     except SmartsError as error:
         raise _at(part.place, error) from error
     except FAILURES as error:
         raise InterfaceError(
-            f"{part.locator!r} cannot be made: {type(error).__name__}: {error}",
+            f"{part.wanted.locator!r} cannot be made: {type(error).__name__}: {error}",
             place=part.place,
             remedy="see the agent's options: smarts-bench zoo describe",
         ) from error
 
 
-def _made(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
+def _made(part: Part, hosts: HostsByLocator) -> SocialPolicy:
     """Return a policy that acts in this process, or where its host says."""
-    spec = make_spec(part.locator, **part.options)
-    interface = _interface(spec, part.locator)
-    agent: Any = built_agent(spec, part.locator)
-    is_batch, place = isinstance(agent, BatchAgent), f"agent {part.locator!r}"
+    locator, place = part.wanted.locator, f"agent {part.wanted.locator!r}"
+    spec = make_spec(locator, **part.options)
+    interface = interface_of(spec)
+    if interface.action in (None, ActionSpaceType.Empty):
+        raise InterfaceError(
+            f"the interface's action is {interface.action!r}: the agent cannot drive",
+            place=locator,
+            remedy="give AgentInterface(action=...) an action type such as ActionSpaceType.Lane",
+        )
+    agent: Any = built_agent(spec, locator)
+    is_batch = isinstance(agent, BatchAgent)
     if is_batch:
         check_features(agent.observation, place)
     return SocialPolicy(
         name=part.name,
-        locator=part.locator,
-        spec=spec.replace(interface=interface),
+        locator=locator,
+        spec=spec,
         interface=0,
         period=check_period(getattr(agent, "period", 1), place),
         step_length=getattr(agent, "step_length", None),
-        is_boid=bool(part.boid),
-        keep_alive=part.keep_alive,
+        is_boid=bool(part.wanted.boid),
         observation=agent.observation if is_batch else None,
-        start=_start(part, agent, host, is_named=part.locator in hosts),
-        host=host,
+        start=_start(part, agent, hosts),
+        host=host_of(hosts, locator),
     )
 
 
@@ -269,46 +242,25 @@ def check_features(observation: Any, place: str) -> None:
         raise _at(place, error) from error
 
 
-def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> Starter | None:
+def _start(part: Part, agent: Agent, hosts: HostsByLocator) -> Starter | None:
     """Return what starts an agent elsewhere, None if it acts in this process.
 
     Raises:
-        HostError: The agent cannot act where it is to.
+        HostError: The agent is named in `hosts`, and cannot act as it says; "*" leaves out such agents.
     """
-    place = f"agent {part.locator!r}"
     if isinstance(agent, RemoteAgent):
-        if host.where != IN_PROCESS and is_named:
-            raise HostError(
-                f"where is {host.where!r}, and the agent has its own place",
-                place=place,
-                remedy="leave `where` out of its entry in hosts",
-            )
         return agent.start
+    locator = part.wanted.locator
+    host, problem, remedy = host_of(hosts, locator), "", ""
     if host.where == IN_PROCESS:
-        if is_named and host.deadline_ms is not None:
-            raise HostError(
-                "deadline_ms is given, and the agent acts in process, where it is never late",
-                place=place,
-                remedy="give where: process, or delay_steps",
-            )
-        return None
-    if not isinstance(agent, BatchAgent):
-        if not is_named:
-            return None  # "*" leaves out agents that cannot
-        raise HostError(
-            f"where is {host.where!r}, and the agent acts on Observation objects",
-            place=place,
-            remedy="derive it from BatchAgent, which acts on arrays, or let it act in process",
-        )
-    return starter(part.locator, part.options, host)
-
-
-def _interface(spec: AgentSpec, place: str) -> AgentInterface:
-    interface = interface_of(spec)
-    if interface.action in (None, ActionSpaceType.Empty):
-        raise InterfaceError(
-            f"the interface's action is {interface.action!r}: the agent cannot drive",
-            place=place,
-            remedy="give AgentInterface(action=...) an action type such as ActionSpaceType.Lane",
-        )
-    return interface
+        if host.deadline_ms is not None:
+            problem = "deadline_ms is given, and the agent acts in process, where it is never late"
+            remedy = "give where: process, or delay_steps"
+    elif isinstance(agent, BatchAgent):
+        return starter(locator, part.options, host)
+    else:
+        problem = f"where is {host.where!r}, and the agent acts on Observation objects"
+        remedy = "derive it from BatchAgent, which acts on arrays, or let it act in process"
+    if problem and locator in hosts:
+        raise HostError(problem, place=f"agent {locator!r}", remedy=remedy)
+    return None

@@ -5,26 +5,34 @@ Axis letters: E egos, B = 1 simulation.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium.spaces import Space
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.agents.spec import AgentSpec
+from smarts.agents.options import InterfaceError
+from smarts.agents.spec import ADAPTERS
 from smarts.arrays import Bools
 from smarts.controllers.action_formats import rejection
-from smarts.env.actions import Own, Parsed
-from smarts.env.rendering import Renderer, RenderMode
-from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
+from smarts.env.actions import Own, Parsed, element_of
+from smarts.env.grouped_runner import make_runner
+from smarts.env.groups import rewards_of
+from smarts.env.observation_collector import ObservationCollector
+from smarts.env.rendering import Renderer, RenderMode, check_render_mode
+from smarts.env.runner import EpisodeKey, NotCopied, Transition
+from smarts.env.settings import EnvSettings
 from smarts.errors import ActionError, ScenarioError, nearest_names
+from smarts.observations.action_mask import MASK
 from smarts.types.events import Event, Outcome
 from smarts.types.streams import check_seed
 
 MOST_EMPTY = 10
 """Episodes in a row without any agent after which `reset` gives up."""
 _EVENTS = [(int(event), str(event.name).lower()) for event in Event if event]
+_ALL = frozenset(ADAPTERS)
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
@@ -44,43 +52,89 @@ class StepResult(NamedTuple):
 
 
 class DictEnv:
-    """Steps one simulation by dicts; subclasses define an agent's observation, reward and info.
+    """Steps one simulation by dicts.
+
+    Agents observe and are rewarded by the settings' array adapter. The adapters of an agent's spec are
+    applied on top: its observation adapter gets an `Observation` object instead of the arrays; its reward and
+    info adapters get that object and the array adapter's reward; its action adapter returns an action as
+    `HiWayEnv` takes it.
 
     Args:
-        runner: The simulation.
-        names: Names of the egos, in the order of their columns.
-        order: The names in the order in which results list them.
-        specs: The agents' specs.
-        seed: Seed of the run.
+        settings: Settings with one simulation.
+        sees_objects: Whether all agents observe objects, as in `HiWayEnv`.
         world: Index of the world whose episodes are played; after a reset with a seed, world 0.
         render_mode: See `Renderer`.
+
+    Raises:
+        InterfaceError: A spec has an observation adapter without the space that it leads to, or agents learn
+            in bubbles and do not observe objects.
     """
 
     def __init__(
         self,
-        runner: SimulationRunner,
-        names: Collection[str],
-        order: Collection[str],
-        specs: Mapping[str, AgentSpec],
-        seed: int,
+        settings: EnvSettings,
+        *,
+        sees_objects: bool = False,
         world: int = 0,
         render_mode: RenderMode | None = None,
     ) -> None:
-        self.runner = runner
-        self.renderer = Renderer(runner, render_mode)
-        columns = {name: column for column, name in enumerate(names)}
-        self.columns = {name: columns[name] for name in order}
+        if not sees_objects:
+            settings.refuse_bubbles()
+        check_render_mode(render_mode)
+        self.runner, self._groups = make_runner(settings, sees_objects=sees_objects)
+        self.renderer = Renderer(self.runner, render_mode)
+        self.specs = settings.specs()
+        # The number of its group, and its place there.
+        self._places = {
+            name: (number, place)
+            for number, group in enumerate(self._groups)
+            for place, name in enumerate(group.agents)
+        }
+        columns = {name: column for column, name in enumerate(self._places)}
+        self.columns = {name: columns[name] for name in self.specs}
         """The egos' columns by name, in the order in which results list them."""
-        self.specs = specs
-        self._seed, self._world, self._episode = seed, world, -1
-        # By name, those that no info has named yet: infos belong to agents, and there may be none.
-        self._social_failures: dict[str, str] = {}
+        self._sees_objects = sees_objects
+        self._own = {name: _ALL if sees_objects else spec.own_adapters for name, spec in self.specs.items()}
+        agent_ids = [self.columns[name] for name, own in self._own.items() if own]
+        self._collector = ObservationCollector(self.runner.scene, agent_ids)
+        if agent_ids:
+            self.runner.listen(self._collector)
+        self._masks: list[Bools | None] = [None] * len(self._groups)
+        self._seed, self._world, self._episode = settings.seed, world, -1
 
     @property
     def agents(self) -> list[str]:
         """The agents that decide now."""
         alive = self.runner.alive[0]
         return [name for name, column in self.columns.items() if alive[column]]
+
+    def observation_spaces(self) -> dict[str, Space]:
+        """Return the space of each agent's observations.
+
+        Raises:
+            InterfaceError: A spec has an observation adapter without the space that it leads to.
+        """
+        spaces = {name: self._groups[number].observation for name, (number, _) in self._places.items()}
+        for name, spec in self.specs.items():
+            if "observation" not in self._own[name]:
+                continue
+            if not isinstance(spec.observation_space, Space):
+                raise InterfaceError(
+                    f"agent {name!r} has an observation adapter, and its observation_space is "
+                    f"{spec.observation_space!r}",
+                    place="AgentSpec.observation_space",
+                    remedy="give the Gymnasium space of what the adapter returns, or use HiWayEnv",
+                )
+            spaces[name] = spec.observation_space
+        return {name: spaces[name] for name in self.columns}
+
+    def action_spaces(self) -> dict[str, Space]:
+        """Return the space of each agent's actions."""
+        spaces = {name: self._groups[self._places[name][0]].action for name in self.columns}
+        for name, spec in self.specs.items():
+            if "action" in self._own[name] and spec.action_space is not None:
+                spaces[name] = spec.action_space
+        return spaces
 
     def reset(self, seed: int | None = None) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin the next episode, or with a seed the first one of that seed; return observations and infos.
@@ -93,13 +147,11 @@ class DictEnv:
             self._seed, self._world, self._episode = seed, 0, -1
         self._begin()
         self.runner.dispatch()
-        agents = self.agents
-        infos = self._first_infos(agents)
-        self._social_failures |= self.runner.take_social_failures().get(0, {})
-        for info in infos.values():
-            info |= self._social_info()
+        agents, about_others = self.agents, self._about_others()
+        self._masks = [group.action_mask() for group in self._groups]
+        infos = {name: self._with_mask(name, self._object_info(name) | about_others) for name in agents}
         if infos:
-            self._social_failures = {}
+            self.runner.take_social_failures()
         self.renderer.after_step()
         return {name: self._observation(name) for name in agents}, infos
 
@@ -134,11 +186,11 @@ class DictEnv:
             return StepResult({}, {}, {}, {}, {}, [], True)
         self._encode(actions)
         transition = self.runner.step()
-        self._social_failures |= transition.social_failures.get(0, {})
         for error in transition.failures.values():
             raise error
         result = self._step_result(transition)
-        self.runner.conclude(*self._as_row(result.rewards))
+        if self.runner.recorder is not None:
+            self.runner.conclude(*self._as_row(result.rewards))
         self.runner.dispatch()
         self.renderer.after_step()
         return result
@@ -165,63 +217,95 @@ class DictEnv:
         self.renderer.close()
         self.runner.close()
 
-    def _observation(self, name: str) -> Any:
-        """Return what an agent observes now."""
-        raise NotImplementedError
-
-    def _first_infos(self, agents: Collection[str]) -> dict[str, dict[str, Any]]:
-        """Return the infos of a reset."""
-        raise NotImplementedError
-
-    def _reward_and_info(self, name: str, acted: bool, info: dict[str, Any]) -> tuple[Any, Any]:
-        """Return the reward and info that an agent gets, by the adapters of its spec.
-
-        Args:
-            name: The agent.
-            acted: Whether it has made the decision; else it has just entered.
-            info: Its events and outcome.
-        """
-        raise NotImplementedError
-
     def _encode(self, actions: Mapping[str, Any]) -> None:
-        """Check all actions, then write them."""
-        parsed, own = self._parse(actions)
-        self.runner.encoder.write(parsed, own)
-
-    def _parse(self, actions: Mapping[str, Any]) -> tuple[list[Parsed], list[Own]]:
-        """Check the actions of active agents, as the adapters of their specs return them."""
-        alive, parse = self.runner.alive[0], self.runner.encoder.parse
-        parsed = []
+        """Check the actions of active agents, then write them."""
+        alive, encoder = self.runner.alive[0], self.runner.encoder
+        parsed: list[Parsed] = []
+        own: dict[int, Own] = {}
         for name, action in actions.items():
             column = self.columns[name]
-            if alive[column]:
-                parsed.append(parse(name, self.specs[name].action_adapter(action), 0, column))
-        return parsed, []
+            if not alive[column]:
+                continue
+            number, place = self._places[name]
+            group = self._groups[number]
+            if not group.encodes or "action" in self._own[name]:
+                parsed.append(encoder.parse(name, self.specs[name].action_adapter(action), 0, column))
+                continue
+            if number not in own:
+                shape = (1, len(group.agents))
+                given = np.zeros((*shape, *(group.action.shape or ())), group.action.dtype)
+                own[number] = Own(group, given, np.zeros(shape, np.bool_))
+            own[number].given[0, place] = element_of(group, name, action)
+            own[number].chosen[0, place] = True
+        encoder.write([*own.values(), *parsed])
 
     def _step_result(self, transition: Transition) -> StepResult:
         acted, alive = transition.acted[0].tolist(), self.runner.alive[0].tolist()
         terminated, truncated = transition.terminated[0].tolist(), transition.truncated[0].tolist()
+        rewards = rewards_of(self._groups, transition.acted)[0].tolist()
+        events, about_others = transition.events[0].tolist(), self._about_others()
+        self._masks = [group.action_mask() for group in self._groups]
         result = StepResult({}, {}, {}, {}, {}, [], bool(transition.finished[0]))
         for name, column in self.columns.items():
             if not (acted[column] or alive[column]):
                 continue
-            info: dict[str, Any] = {"events": [*event_names(int(transition.events[0, column]))]}
-            info |= self._social_info()
+            info: dict[str, Any] = {"events": [*event_names(events[column])], **about_others}
             if terminated[column] or truncated[column]:
                 info["outcome"] = _OUTCOMES[int(transition.outcome[0, column])]
             result.observations[name] = self._observation(name)
-            result.rewards[name], result.infos[name] = self._reward_and_info(name, acted[column], info)
+            result.rewards[name], info = self._adapted(name, rewards[column], info, has_acted=acted[column])
+            result.infos[name] = self._with_mask(name, info)
             result.terminated[name], result.truncated[name] = terminated[column], truncated[column]
             if not acted[column]:
                 result.entered.append(name)
         if result.infos:
-            self._social_failures = {}
+            self.runner.take_social_failures()
         return result
 
-    def _social_info(self) -> dict[str, Any]:
-        """Return what an info says of other agents: their failures and `SimulationRunner.social_info`."""
-        failures = {"social_failures": dict(self._social_failures)} if self._social_failures else {}
-        return failures | self.runner.social_info(0)
+    def _observation(self, name: str) -> Any:
+        """Return what an agent observes now."""
+        if "observation" in self._own[name]:
+            return self.specs[name].observation_adapter(self._collector.seen[self.columns[name]])
+        number, place = self._places[name]
+        return self._groups[number].observe(0, place)
+
+    def _adapted(self, name: str, reward: float, info: Any, *, has_acted: bool) -> tuple[Any, Any]:
+        """Return the reward and info that an agent gets, by the adapters of its spec.
+
+        Args:
+            name: The agent.
+            reward: The array adapter's.
+            info: What is known of the decision.
+            has_acted: Whether the agent has made the decision; else it has just entered.
+        """
+        if not self._own[name]:
+            return reward, info
+        column, spec = self.columns[name], self.specs[name]
+        seen = self._collector.seen[column]
+        info["score"] = float(self.runner.world.agents.distance_travelled[0, column])
+        info = spec.info_adapter(seen, reward, info | self._object_info(name))
+        return spec.reward_adapter(seen, reward) if has_acted or self._sees_objects else reward, info
+
+    def _object_info(self, name: str) -> dict[str, Any]:
+        """Return an agent's object for its info, with what did not fit into it; {} if arrays are seen."""
+        if not self._sees_objects:
+            return {}
+        seen = self._collector.seen[self.columns[name]]
+        return {"env_obs": seen, "left_out": seen.left_out} if seen.left_out else {"env_obs": seen}
+
+    def _with_mask(self, name: str, info: Any) -> Any:
+        """Return an info with the mask of the agent's actions, if it has one and the info is a mapping."""
+        number, place = self._places[name]
+        mask = self._masks[number]
+        if mask is None or "action" in self._own[name] or not isinstance(info, Mapping):
+            return info
+        # As `Discrete.sample(mask)` takes it.
+        return {**info, MASK: mask[0, place].astype(np.int8)}
+
+    def _about_others(self) -> dict[str, Any]:
+        """Return what infos say of other agents: the failures that none has named yet, and `social_info`."""
+        failed = self.runner.social_failures.get(0)
+        return ({"social_failures": failed} if failed else {}) | self.runner.social_info(0)
 
     def _as_row(self, rewards: Mapping[str, Any]) -> tuple[NDArray, Bools]:
         """Return rewards as an array, shape (1, E), and which are numbers: adapters may return anything."""

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, Protocol, cast
 
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
@@ -52,29 +53,42 @@ class ActionEncoding(Protocol):
 class AgentGroup:
     """Egos with equal spaces, in consecutive columns."""
 
-    agents: tuple[str, ...]
-    agent_ids: Ints
-    """Shape (G,)."""
-    columns: slice
-    """Columns of the egos."""
+    context: AdapterContext
+    """The egos, as their adapter knows them."""
     adapter: ArrayAdapter
     fields: tuple[Field, ...]
     """What an observation of one of them by name consists of."""
     observation: Space
     """A Box if that is the field "observation" alone, else a Dict."""
     action: Space
-    kind: ActionSpaceType
-    """Action type of their interfaces."""
-    context: AdapterContext
-    """Context of the adapter."""
-    encoding: ActionEncoding | None = None
-    """The adapter, if it is an `ActionEncoding` too."""
+    encodes: bool
+    """Whether the adapter is an `ActionEncoding` too."""
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Names of the egos."""
+        return self.context.agents
+
+    @property
+    def agent_ids(self) -> Ints:
+        """Rows of `AgentStates`, shape (G,)."""
+        return self.context.agent_ids
+
+    @cached_property
+    def columns(self) -> slice:
+        """Columns of the egos."""
+        first = int(self.context.agent_ids[0])
+        return slice(first, first + len(self.context.agents))
+
+    @property
+    def arrays(self) -> dict[str, NDArray]:
+        """Array of each field, shape (B, G, *shape)."""
+        return {field.name: self.adapter.observations[field.name] for field in self.fields}
 
     def observe(self, row: int, place: int) -> Any:
         """Return a copy of one agent's observation, an element of the space `observation`."""
-        arrays = {field.name: self.adapter.observations[field.name] for field in self.fields}
         # Without the ellipsis a field of a single number would not be an array.
-        return assembled({name: array[row, place, ...].copy() for name, array in arrays.items()})
+        return assembled({name: array[row, place, ...].copy() for name, array in self.arrays.items()})
 
     def action_mask(self) -> Bools | None:
         """Return which discrete actions are allowed, shape (B, G, actions), None if the adapter does not say.
@@ -89,15 +103,23 @@ class AgentGroup:
         return action_mask
 
 
-def make_groups(settings: EnvSettings) -> tuple[Assembly, tuple[AgentGroup, ...]]:
+def make_groups(
+    settings: EnvSettings, *, sees_objects: bool = False
+) -> tuple[Assembly, tuple[AgentGroup, ...]]:
     """Return the simulations, and their egos by groups, which are in the order of their first members.
+
+    Args:
+        settings: What the environment is made from.
+        sees_objects: Whether all agents observe objects instead of arrays, so that they are one group.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
     """
     # An adapter made by a function may read every sensor.
-    sensors = getattr(settings.adapter_class, "sensors", None)
-    grouped = _grouped(settings.interfaces(), None if settings.observes_sensors else sensors)
+    sensors = None if sees_objects else getattr(settings.adapter_class, "sensors", None)
+    interfaces = settings.interfaces()
+    observed = None if settings.observes_sensors else sensors
+    grouped = [interfaces] if sees_objects else _grouped(interfaces, observed)
     flat = {name: interface for members in grouped for name, interface in members.items()}
     assembly = settings.assemble(flat, sensors)
     groups, first = [], 0
@@ -162,23 +184,18 @@ def _grouped(
 def _group(
     members: Mapping[str, AgentInterface], first: int, scene: Scene, settings: EnvSettings
 ) -> AgentGroup:
-    columns = slice(first, first + len(members))
     context = context_of(scene, members, first, settings.decision_interval)
     adapter = settings.make_adapter(context)
     fields = tuple(field for field in adapter.fields if settings.action_mask or field.name != MASK)
-    encoding: Any = adapter if hasattr(adapter, "encode") else None
+    encodes = hasattr(adapter, "encode")
     # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.
     return AgentGroup(
-        tuple(members),
-        context.agent_ids,
-        columns,
+        context,
         adapter,
         fields,
         observation=space_of(assembled({field.name: box_of(field) for field in fields})),
-        action=action_space(context.action) if encoding is None else encoding.action_space,
-        kind=context.action,
-        context=context,
-        encoding=encoding,
+        action=cast(ActionEncoding, adapter).action_space if encodes else action_space(context.action),
+        encodes=encodes,
     )
 
 

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
 import gymnasium as gym
-import numpy as np
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
-from smarts.env.agent_notes import RewardNotes
 from smarts.env.dict_env import DictEnv, DictEnvApi
 from smarts.env.groups import context_of
-from smarts.env.observation_collector import ObservationCollector
-from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
-from smarts.env.runner import SimulationRunner
-from smarts.env.settings import ALL, EnvSettings, SimulationOptions, make_settings
-from smarts.observations.context import AdapterContext
+from smarts.env.rendering import RENDER_MODES, RenderMode
+from smarts.env.settings import ALL, EnvSettings, SimulationOptions
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
-from smarts.rewards.weights import Rewards, given_weights
-from smarts.types.actions import ActionSpaceType
 
 _REWARD = "route_metres"
 
@@ -68,7 +61,6 @@ class HiWayEnv(DictEnvApi, gym.Env):
         render_mode: RenderMode | None = None,
         **options: Unpack[SimulationOptions],
     ) -> None:
-        check_render_mode(render_mode)
         agents = agent_interfaces if agent_specs is None else agent_specs
         if not isinstance(agents, Mapping) or None not in (agent_specs, agent_interfaces):
             raise InterfaceError(
@@ -78,14 +70,10 @@ class HiWayEnv(DictEnvApi, gym.Env):
             )
         if not headless:
             options.setdefault("envision", True)
-        settings = make_settings(
-            *("HiWayEnv", scenarios, agents),
-            options=options,
-            known=SimulationOptions,
-            others=("scenarios", "agent_specs", "headless", "decision_interval", "render_mode"),
-            decision_interval=decision_interval,
+        settings = EnvSettings(
+            scenarios, agents, decision_interval=decision_interval, observation=(), reward=_REWARD, **options
         )
-        self._env = ObjectDictEnv(settings, render_mode)
+        self._env = DictEnv(settings, sees_objects=True, render_mode=render_mode)
         self._interfaces = settings.interfaces()
         self.agent_specs = dict(self._env.specs)
         self.agent_ids = list(agents)
@@ -140,56 +128,3 @@ class HiWayEnv(DictEnvApi, gym.Env):
         made = make(context, observation, reward, discount, **(adapter_options or {}))
         runner.listen(made)
         return made
-
-
-class ObjectDictEnv(DictEnv):
-    """One simulation whose agents observe `Observation` objects.
-
-    Args:
-        settings: Settings with one simulation; observation, reward and adapter are not used.
-        render_mode: See `Renderer`.
-    """
-
-    def __init__(self, settings: EnvSettings, render_mode: RenderMode | None = None) -> None:
-        interfaces = settings.interfaces()
-        assembly = settings.assemble(interfaces)
-        agent_ids = np.arange(len(interfaces), dtype=np.int32)
-        context = AdapterContext(
-            assembly.scene,
-            tuple(interfaces),
-            agent_ids,
-            ActionSpaceType.Empty,
-            settings.decision_interval,
-            max_steps=0,
-        )
-        self._collector, self._metres = ObservationCollector(context), Rewards(context, _REWARD)
-        listeners = [self._metres, self._collector]
-        runner = SimulationRunner(assembly, listeners, period=settings.decision_interval)
-        super().__init__(
-            *(runner, interfaces, interfaces, settings.specs(), settings.seed), render_mode=render_mode
-        )
-        if runner.is_recorded:
-            # The terms of a reward that a spec's adapter makes are its own business.
-            has_terms = ["reward" not in self.specs[name].own_adapters for name in interfaces]
-            columns = slice(0, len(interfaces))
-            runner.note(RewardNotes(context, runner, columns, has_terms, given_weights(_REWARD)))
-
-    def _observation(self, name: str) -> Any:
-        return self.specs[name].observation_adapter(self._collector.seen[self.columns[name]])
-
-    def _first_infos(self, agents: Collection[str]) -> dict[str, dict[str, Any]]:
-        return {name: self._with_observation(name, {}) for name in agents}
-
-    def _reward_and_info(self, name: str, acted: bool, info: dict[str, Any]) -> tuple[Any, Any]:
-        column, spec = self.columns[name], self.specs[name]
-        seen = self._collector.seen[column]
-        metres = float(self._metres.values[0, column]) if acted else 0.0
-        info["score"] = float(self.runner.world.agents.distance_travelled[0, column])
-        info = self._with_observation(name, info)
-        return spec.reward_adapter(seen, metres), spec.info_adapter(seen, metres, info)
-
-    def _with_observation(self, name: str, info: dict[str, Any]) -> dict[str, Any]:
-        """Return an info with the agent's observation, and with what did not fit into it."""
-        seen = self._collector.seen[self.columns[name]]
-        left_out = {"left_out": seen.left_out} if seen.left_out else {}
-        return info | {"env_obs": seen} | left_out

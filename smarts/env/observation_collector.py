@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from smarts.arrays import Bools
-from smarts.observations.context import AdapterContext
+from smarts.roads.scene import Scene
 from smarts.sensors.observation import Observation, ObservationMaker
 from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
@@ -18,14 +20,15 @@ class ObservationCollector:
     """Keeps the latest observations of some agents of the only simulation.
 
     Args:
-        context: The agents.
+        scene: The simulation.
+        agent_ids: The agents.
     """
 
-    def __init__(self, context: AdapterContext) -> None:
+    def __init__(self, scene: Scene, agent_ids: Sequence[int]) -> None:
         self.seen: dict[int, Observation] = {}
         """Observations by agent_id."""
-        self._make = ObservationMaker(context.scene)
-        self._agent_ids = context.agent_ids.tolist()
+        self._make = ObservationMaker(scene)
+        self._agent_ids = agent_ids
         # Since each agent's latest observation:
         self._events = dict.fromkeys(self._agent_ids, 0)
         self._touched: dict[int, list[str]] = {agent_id: [] for agent_id in self._agent_ids}

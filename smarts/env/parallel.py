@@ -9,10 +9,9 @@ from typing import Any, Unpack
 from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
-from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.dict_env import DictEnvApi
-from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
-from smarts.env.settings import Agents, EnvOptions, EnvSettings, make_settings, refuse_bubbles
+from smarts.env.dict_env import DictEnv, DictEnvApi
+from smarts.env.rendering import RENDER_MODES, RenderMode
+from smarts.env.settings import Agents, EnvOptions, EnvSettings
 
 
 class ParallelHiWayEnv(DictEnvApi, ParallelEnv):
@@ -25,12 +24,11 @@ class ParallelHiWayEnv(DictEnvApi, ParallelEnv):
     }
 
     def __init__(self, settings: EnvSettings, render_mode: RenderMode | None = None) -> None:
-        check_render_mode(render_mode)
-        self._env = AdapterDictEnv(settings, render_mode=render_mode)
+        self._env = DictEnv(settings, render_mode=render_mode)
         self.possible_agents = list(self._env.columns)
         self.agents: list[str] = []
-        self.observation_spaces = self._env.observation_spaces
-        self.action_spaces = self._env.action_spaces
+        self.observation_spaces = self._env.observation_spaces()
+        self.action_spaces = self._env.action_spaces()
         self.render_mode = render_mode
         self.metadata = {**self.metadata, **self._env.renderer.metadata}
 
@@ -84,8 +82,4 @@ def hiway_parallel_env(
     Raises:
         SmartsError: A scenario, an agent or the render mode is invalid.
     """
-    settings = make_settings(
-        "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask
-    )
-    refuse_bubbles("hiway_parallel_env", settings)
-    return ParallelHiWayEnv(settings, render_mode)
+    return ParallelHiWayEnv(EnvSettings(scenarios, agents, action_mask=action_mask, **options), render_mode)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Unpack
 
 import numpy as np
+from gymnasium.spaces import flatdim
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
@@ -14,7 +15,7 @@ from smarts.agents.options import InterfaceError
 from smarts.env.black_death import BlackDeath
 from smarts.env.parallel import ParallelHiWayEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import Agents, EnvOptions, make_settings, refuse_bubbles
+from smarts.env.settings import Agents, EnvOptions, EnvSettings
 from smarts.observations.action_mask import MASK
 
 _SHARES = {"completed": "goal", "collided": "collision"}
@@ -51,16 +52,15 @@ class PyMARLEnv(NotCopied):
         reward_scalarisation: Literal["sum", "mean"] = "sum",
         **options: Unpack[EnvOptions],
     ) -> None:
-        settings = make_settings("PyMARLEnv", scenarios, agents, options=options)
-        refuse_bubbles("PyMARLEnv", settings)
+        settings = EnvSettings(scenarios, agents, **options)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)
         """Most decisions of an episode."""
         self._env = BlackDeath(ParallelHiWayEnv(settings))
         self.agents = self._env.possible_agents
         """The agents' names, in the order of all lists."""
         self.n_agents = len(self.agents)
-        widths = [self._env.observation_space(name).shape[0] for name in self.agents]
-        choices = [int(self._env.action_space(name).n) for name in self.agents]
+        widths = [flatdim(self._env.observation_space(name)) for name in self.agents]
+        choices = [flatdim(self._env.action_space(name)) for name in self.agents]
         self._observations = np.zeros((self.n_agents, max(widths)), np.float32)
         self._available = np.zeros((self.n_agents, max(choices)), np.int64)
         self._common_reward = common_reward

@@ -3,41 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
-from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.dict_env import DictEnvApi, StepResult
-from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
-from smarts.errors import SmartsError, nearest_names
-
-_ALIASES = ("agent_specs", "headless", "sim_name")
-"""Names of the original."""
-
-
-def settings_of(config: Mapping[str, Any]) -> EnvSettings:
-    """Return the settings that an `env_config` describes.
-
-    Raises:
-        SmartsError: It has an unknown key, or no scenarios; the remedy names the nearest.
-    """
-    # `algorithms` gives `num_envs` to every environment; others hold several simulations.
-    given = {key: value for key, value in config.items() if key not in (*_ALIASES, "num_envs")}
-    known = [field.name for field in fields(EnvSettings)]
-    for key in given:
-        if key not in known:
-            remedy = nearest_names(key, [*known, *_ALIASES])
-            raise SmartsError(f"there is no setting {key!r}", place="env_config", remedy=remedy)
-    if "scenarios" not in given:
-        raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
-    if "agent_specs" in config:
-        given["agents"] = config["agent_specs"]
-    if not config.get("headless", True):
-        given.setdefault("envision", True)
-    return EnvSettings(**given)
+from smarts.env.dict_env import DictEnv, DictEnvApi, StepResult
+from smarts.env.settings import ALL, EnvSettings
 
 
 class RLlibHiWayEnv(DictEnvApi, MultiAgentEnv):
@@ -61,13 +33,18 @@ class RLlibHiWayEnv(DictEnvApi, MultiAgentEnv):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         super().__init__()
-        settings = settings_of(config)
-        refuse_bubbles("RLlibHiWayEnv", settings)
-        self._env = AdapterDictEnv(settings, world=getattr(config, "worker_index", 0))
+        # `algorithms` gives `num_envs` to every environment; others hold several simulations.
+        not_ours = ("agent_specs", "headless", "sim_name", "num_envs")
+        given = {key: value for key, value in config.items() if key not in not_ours}
+        if "agent_specs" in config:
+            given["agents"] = config["agent_specs"]
+        if not config.get("headless", True):
+            given.setdefault("envision", True)
+        self._env = DictEnv(EnvSettings(**given), world=getattr(config, "worker_index", 0))
         self.possible_agents: list[AgentID] = [*self._env.columns]
         self.agents: list[AgentID] = []
-        self.observation_spaces = {**self._env.observation_spaces}
-        self.action_spaces = {**self._env.action_spaces}
+        self.observation_spaces = {**self._env.observation_spaces()}
+        self.action_spaces = {**self._env.action_spaces()}
 
     def reset(
         self, *, seed: int | None = None, options: dict | None = None

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
-from smarts.env.delayed_actions import DelayedEncoder
 from smarts.env.listeners import DecisionNotes, StepListener
-from smarts.env.social_agents import SocialAgentRequests, add_by_name
+from smarts.env.social_agents import SocialAgentRequests
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.assembly import Assembly
@@ -72,9 +71,6 @@ class Transition:
     """Simulations whose episode is over, shape (B,)."""
     failures: Mapping[int, SmartsError]
     """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
-    social_failures: Mapping[int, Mapping[str, str]]
-    """Social agents that have failed since the last result, by simulation and name, and why: the fallback
-    controller drives their vehicles."""
 
 
 class SimulationRunner:
@@ -103,15 +99,12 @@ class SimulationRunner:
         self.period = period
         self.starts: list[EpisodeStart | None] = [None] * self.world.worlds
         """The present episode of each simulation."""
-        at_once = ActionEncoder(self.actions, self.world.agents.action_mask)
-        latency = assembly.latency_steps
-        self._delayed = DelayedEncoder(self.actions, self.world, latency) if latency else None
-        self.encoder = self._delayed or at_once
-        """Takes the agents' actions."""
-        self._schedule, self._recorder = assembly.schedule, assembly.recorder
+        self.encoder = ActionEncoder(self.actions, self.world, assembly.latency_steps)
+        """Takes the egos' actions."""
+        self._schedule, self.recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._notes: list[DecisionNotes] = []
-        self._requests = SocialAgentRequests(assembly, at_once) if assembly.policies else None
+        self._requests = SocialAgentRequests(assembly) if assembly.policies else None
         self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
         """Whether the egos come and go with the vehicles in bubbles."""
@@ -130,7 +123,9 @@ class SimulationRunner:
         self._terminated = np.zeros(shape, np.bool_)
         self._truncated = np.zeros(shape, np.bool_)
         self._failures: dict[int, SmartsError] = {}
-        self._social_failures: dict[int, dict[str, str]] = {}
+        self.social_failures: dict[int, dict[str, str]] = {}
+        """Social agents that have failed since `take_social_failures`, by simulation and name, and why: the
+        fallback controller drives their vehicles."""
         self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
         self._seen = np.zeros_like(self._observe_mask)  # agents whose readings are of now
         self._frame: Frame | None = None
@@ -148,22 +143,6 @@ class SimulationRunner:
         """Add to the record of each decision from now on."""
         self._notes.append(notes)
         self.listen(notes)
-
-    @property
-    def is_recorded(self) -> bool:
-        """Whether the episodes are recorded or shown."""
-        return self._recorder is not None
-
-    @property
-    def wants_terms(self) -> bool:
-        """Whether the terms of rewards are to be recorded or shown."""
-        return self._recorder is not None and self._recorder.wants_terms
-
-    @property
-    def observers(self) -> Bools | None:
-        """Active egos whose observations are to be recorded or shown now, shape (B, E); None: of no ego."""
-        wanted = None if self._recorder is None else self._recorder.observers
-        return None if wanted is None else self.alive & wanted[:, : self.world.egos]
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
@@ -183,8 +162,7 @@ class SimulationRunner:
         rows[list(episodes)] = True
         for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
             mask[rows] = False
-        if self._delayed is not None:
-            self._delayed.forget(episodes)
+        self.encoder.forget(episodes)
         if self._requests is not None:
             self._requests.begin(episodes)
         for listener in self._listeners:
@@ -219,7 +197,6 @@ class SimulationRunner:
             self._truncated & self._acted,
             ~self.running,
             dict(self._failures),
-            self.take_social_failures(),
         )
 
     @property
@@ -228,8 +205,8 @@ class SimulationRunner:
         return None if self._frame is None else self._frame.bubbles
 
     def take_social_failures(self) -> dict[int, dict[str, str]]:
-        """Return the failures since the last result, as in `Transition`: after a reset, of its own steps."""
-        taken, self._social_failures = self._social_failures, {}
+        """Return `social_failures`, and forget them."""
+        taken, self.social_failures = self.social_failures, {}
         return taken
 
     def _decide(self, env_mask: Bools) -> None:
@@ -239,8 +216,7 @@ class SimulationRunner:
         while pending.any():
             for number in range(self.period):
                 is_last = number == self.period - 1
-                if self._delayed is not None:
-                    self._delayed.release(pending)
+                self.encoder.release(pending)
                 failed = self._gather()
                 self._choose_observed(is_last)
                 frame = self.simulation.step(self.actions, pending, self._observe_mask, failed)
@@ -291,8 +267,8 @@ class SimulationRunner:
             values: Values of each ego, shape (B, E, ...).
             egos: Which egos have one, shape (B, E); only active egos are recorded.
         """
-        if self._recorder is not None:
-            self._recorder.annotate(name, values, egos & self.alive)
+        if self.recorder is not None:
+            self.recorder.annotate(name, values, egos & self.alive)
 
     def conclude(self, rewards: NDArray, has_reward: Bools) -> None:
         """Record the rewards of the last decision, and let the episodes that ended with it be written.
@@ -302,16 +278,16 @@ class SimulationRunner:
             has_reward: Which egos have one that is a number, shape (B, E); only egos that acted are
                 recorded.
         """
-        if self._recorder is None:
+        if self.recorder is None:
             return
         has_reward = has_reward & self._acted
         if self._failures:
             has_reward[list(self._failures)] = False
-        self._recorder.annotate("reward", rewards, has_reward, self._decided)
+        self.recorder.annotate("reward", rewards, has_reward, self._decided)
         for notes in self._notes:
             for name, values in notes.rewards().items():
-                self._recorder.annotate(name, values, has_reward & notes.mask, self._decided)
-        self._recorder.finish(~self.running)
+                self.recorder.annotate(name, values, has_reward & notes.mask, self._decided)
+        self.recorder.finish(~self.running)
 
     def dispatch(self) -> None:
         """Ask the social agents whose decision is due; the last call before the user's turn.
@@ -370,7 +346,9 @@ class SimulationRunner:
     def _gather(self) -> dict[tuple[int, int], str]:
         """Take the social agents' answers; return which agents have failed."""
         failed = {} if self._requests is None else self._requests.gather()
-        add_by_name(self._social_failures, failed, self._pool)
+        for (row, number), problem in failed.items():
+            name = self._pool.starts[row][number].name
+            self.social_failures.setdefault(row, {})[name] = problem
         return failed
 
     def _keep(self, frame: Frame) -> Frame:

@@ -3,38 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Annotated, Any, TypedDict
 
-import numpy as np
+from pydantic import Field, InstanceOf
 
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.checks import check_instance, check_truth
-from smarts.agents.hosting.options import hosts_of
+from smarts.agents.checks import Count, Listed, WholeFrom0, checked
+from smarts.agents.hosting.options import HostOptions, hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.social import (
     NO_CAST,
     BubbleLearning,
     Cast,
+    SocialAgents,
     bubble_learning,
     distinct,
+    interface_of,
     social_agents,
 )
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
-from smarts.errors import ScenarioError, nearest_names
 from smarts.observations.action_mask import MASK
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
 from smarts.rewards.own import Reward, check_reward
 from smarts.sim.assembly import Assembly, Options, assemble
-from smarts.sim.options import check_envision, shown
+from smarts.sim.options import shown
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.agent_states import agent_names
-from smarts.types.streams import check_seed
 
 ALL = "__all__"
 """The key of the episode in done flags, so not a name of an agent."""
@@ -67,47 +67,42 @@ class EnvOptions(SimulationOptions, total=False):
     adapter_options: Mapping[str, Any] | None
 
 
-NO_RENDERING = (
-    "it does not draw: SingleHiWayEnv, hiway_parallel_env and HiWayEnv do; of any, record episodes with "
-    "simulation=Options(record=FOLDER), and draw them with smarts-bench render"
-)
-
-
-@dataclass(frozen=True)
+@checked
 class EnvSettings:
     """What every environment is made from.
 
     Raises:
-        SmartsError: A value cannot be had; names the value and what to give.
+        SmartsError: A field is unknown or missing, or is not what it can be.
     """
 
-    scenarios: Sequence[str | Path]
+    scenarios: Annotated[Sequence[str | Path], Listed]
     """Folders, or names of the suite, each perhaps with "@variation"; they are played in a seeded order."""
-    agents: Agents = 4
-    num_envs: int = 1
+    agents: Count | Annotated[Mapping[str, Any], Field(min_length=1)] = 4
+    """How many of the benchmark's, or a spec or interface for each name."""
+    num_envs: Count = 1
     """How many simulations are stepped together."""
-    seed: int = 42
+    seed: WholeFrom0 = 42
     """Seed of the run, until `reset` gives another."""
-    decision_interval: int = 5
+    decision_interval: Count = 5
     """Steps of 0.1 s from one decision to the next."""
-    observation: Observed = "benchmark"
+    observation: Any = "benchmark"
     """What agents observe: a name of `observations.yaml`, a list or dict of features, a `FeatureList`."""
-    reward: Reward | None = None
+    reward: Any = None
     """A name of `rewards.yaml`, a dict of weights, an own class or its "module:Class"; None: the reward that
     `observations.yaml` names beside the observation."""
     discount: float | None = None
     """The learner's, which a reward shaped by a potential needs; None: that of the reward's weights."""
-    adapter: Adapter | None = None
+    adapter: Any = None
     """The caller's own class that makes observations, rewards and perhaps the encoding of actions."""
     adapter_options: Mapping[str, Any] | None = None
     """Keywords of the own adapter."""
-    simulation: Options | None = None
-    traffic: Sequence[str] | None = None
+    simulation: InstanceOf[Options] | None = None
+    traffic: Annotated[Sequence[str], Listed, Field(min_length=1)] | None = None
     """Names of the variations of the scenarios' traffic that are played, by default all."""
-    social_agents: Sequence[Any] = ()
+    social_agents: Sequence[SocialAgents | Mapping[str, Any]] = ()
     """Agents of the zoo that take the missions that the learning agents leave: `SocialAgents`, or dicts of
     their fields, such as {"agent": "smarts.zoo:idm-v0", "count": 2, "options": {}}."""
-    hosts: Mapping[str, Any] = field(default_factory=dict)
+    hosts: Mapping[str, HostOptions | str | Mapping[str, Any]] = field(default_factory=dict)
     """Options of where and in what time social agents act, by locator ("*": all others): "process", "ray",
     `HostOptions`, or a dict of its fields. By default in this process; docs/guide/hosts.md."""
     learn_in_bubbles: bool | Sequence[str] = False
@@ -124,23 +119,29 @@ class EnvSettings:
     the infos anyway if the feature `action_mask` is among these."""
 
     def __post_init__(self) -> None:
-        check_scenarios(self.scenarios)
-        check_traffic(self.traffic)
-        social_agents(self.social_agents)
-        hosts_of(self.hosts)
-        bubble_learning(self.learn_in_bubbles, self.episode_time)
-        check_agents(self.agents)
-        check_count("num_envs", self.num_envs)
-        check_count("decision_interval", self.decision_interval)
-        check_seed(self.seed, "seed")
-        check_truth("action_mask", self.action_mask)
-        if self.simulation is not None:
-            check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
-        check_envision(self.envision)
-        feature_list(self.observation)
         if self.reward is not None:
             check_reward(self.reward)
-        adapter_class(self.adapter, self.adapter_options)
+        for name, spec in self.specs().items():
+            if not isinstance(spec.interface, AgentInterface):
+                raise InterfaceError(
+                    f"the interface of agent {name!r} is {spec.interface!r}",
+                    place="agents",
+                    remedy="give an AgentInterface(...), or an AgentSpec(interface=AgentInterface(...))",
+                )
+
+    def refuse_bubbles(self) -> None:
+        """Raise if agents are to learn in bubbles: they end and begin again within an episode.
+
+        Raises:
+            InterfaceError: They are.
+        """
+        if self.learn_in_bubbles:
+            raise InterfaceError(
+                f"learn_in_bubbles is {self.learn_in_bubbles!r}, and in this environment no agent begins "
+                "again before the episode ends",
+                place="learn_in_bubbles",
+                remedy="use VectorHiWayEnv or HiWayEnv",
+            )
 
     @property
     def adapter_class(self) -> Callable[..., ArrayAdapter]:
@@ -160,16 +161,16 @@ class EnvSettings:
 
     def interfaces(self) -> dict[str, AgentInterface]:
         """Return the agents' interfaces by name."""
-        if not isinstance(self.agents, Mapping):
-            return {name: benchmark_interface() for name in agent_names(self.agents)}
-        return {name: _interface(given) for name, given in self.agents.items()}
+        return {name: interface_of(spec) for name, spec in self.specs().items()}
 
     def specs(self) -> dict[str, AgentSpec]:
         """Return the agents' specs by name; of an interface alone, a spec without adapters."""
-        given = self.agents if isinstance(self.agents, Mapping) else self.interfaces()
+        agents = self.agents
+        if not isinstance(agents, Mapping):
+            agents = {name: benchmark_interface() for name in agent_names(agents)}
         return {
-            name: one if isinstance(one, AgentSpec) else AgentSpec(interface=one)
-            for name, one in given.items()
+            name: given if isinstance(given, AgentSpec) else AgentSpec(interface=given)
+            for name, given in agents.items()
         }
 
     def assemble(
@@ -231,102 +232,3 @@ def with_mask(observation: Observed) -> Observed:
     features = feature_list(observation)
     names = [each.name for each in (*features.stacked, *features.features)]
     return observation if MASK in names else features.plus(features=[MASK])
-
-
-def make_settings(
-    environment: str,
-    *values: Any,
-    options: SimulationOptions,
-    known: type = EnvOptions,
-    others: Sequence[str] = ("agents", "scenarios"),
-    **more: Any,
-) -> EnvSettings:
-    """Return the settings that an environment's arguments stand for.
-
-    Args:
-        environment: Its name, for errors.
-        values: `scenarios`, `agents` and `num_envs`.
-        options: The environment's keywords, as the caller gave them.
-        known: The `TypedDict` of the environment's keywords.
-        others: The names of its other arguments.
-        more: Further settings.
-
-    Raises:
-        TypeError: There is no such keyword, as Python says it; the message names the nearest.
-        SmartsError: A value cannot be used.
-    """
-    for name in options.keys() - known.__annotations__.keys():
-        nearest = nearest_names(name, [*known.__annotations__, *others])
-        remedy = NO_RENDERING if name == "render_mode" else nearest
-        raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
-    given: dict[str, Any] = {**more, **options}
-    return EnvSettings(*values, **given)
-
-
-def refuse_bubbles(environment: str, settings: EnvSettings) -> None:
-    """Raise if agents are to learn in bubbles: they end and begin again within an episode.
-
-    Raises:
-        InterfaceError: They are; names the environment.
-    """
-    if settings.learn_in_bubbles:
-        raise InterfaceError(
-            f"learn_in_bubbles is {settings.learn_in_bubbles!r}, and in {environment} no agent begins "
-            "again before the episode ends",
-            place=environment,
-            remedy="use VectorHiWayEnv or HiWayEnv",
-        )
-
-
-def check_scenarios(scenarios: Any) -> None:
-    """Raise unless `scenarios` is a list of names and folders.
-
-    Raises:
-        ScenarioError: It is a single name, no list, or holds something else.
-    """
-    is_list = isinstance(scenarios, Sequence) and not isinstance(scenarios, str)
-    if not is_list or not all(isinstance(each, str | Path) for each in scenarios):
-        remedy = "give a list of folders and names, such as ['loop']"
-        raise ScenarioError(f"scenarios is {scenarios!r}", place="scenarios", remedy=remedy)
-
-
-def check_traffic(traffic: Any) -> None:
-    """Raise unless `traffic` is None or a list of names.
-
-    Raises:
-        ScenarioError: It is a single name, an empty list, or no list.
-    """
-    if traffic is not None and (isinstance(traffic, str) or not isinstance(traffic, Sequence) or not traffic):
-        remedy = "give a list of the names of variations, such as ['busy'], or None for all"
-        raise ScenarioError(f"traffic is {traffic!r}", place="traffic", remedy=remedy)
-
-
-def check_agents(agents: Any) -> None:
-    """Raise unless `agents` is a number of agents, or their specs or interfaces by name.
-
-    Raises:
-        InterfaceError: It is neither.
-    """
-    if not isinstance(agents, Mapping):
-        check_count("agents", agents)
-        return
-    if not agents:
-        raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
-    for name, given in agents.items():
-        if not isinstance(_interface(given), AgentInterface):
-            raise InterfaceError(
-                f"the interface of agent {name!r} is {_interface(given)!r}",
-                place="agents",
-                remedy="give an AgentInterface(...), or an AgentSpec(interface=AgentInterface(...))",
-            )
-
-
-def check_count(name: str, value: Any) -> None:
-    """Raise `InterfaceError` unless a value is a whole number, 1 or more."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InterfaceError(f"{name} is {value!r}", place=name, remedy="give a whole number, 1 or more")
-
-
-def _interface(agent: Any) -> Any:
-    """Return the interface of an agent that is given by its spec, or by its interface alone."""
-    return agent.interface if isinstance(agent, AgentSpec) else agent

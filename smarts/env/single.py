@@ -10,10 +10,9 @@ import gymnasium as gym
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
-from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.dict_env import DictEnvApi
-from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
-from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
+from smarts.env.dict_env import DictEnv, DictEnvApi
+from smarts.env.rendering import RENDER_MODES, RenderMode
+from smarts.env.settings import EnvOptions, EnvSettings
 from smarts.errors import ActionError, ScenarioError
 from smarts.types.events import Outcome
 
@@ -49,15 +48,11 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
         render_mode: RenderMode | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
-        check_render_mode(render_mode)
         agents = 1 if agent is None else {AGENT: agent}
-        settings = make_settings(
-            "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
-        )
-        refuse_bubbles("SingleHiWayEnv", settings)
-        self._env = AdapterDictEnv(settings, render_mode=render_mode)
-        self.observation_space = self._env.observation_spaces[AGENT]
-        self.action_space = self._env.action_spaces[AGENT]
+        settings = EnvSettings(scenarios, agents, action_mask=action_mask, **options)
+        self._env = DictEnv(settings, render_mode=render_mode)
+        self.observation_space = self._env.observation_spaces()[AGENT]
+        self.action_space = self._env.action_spaces()[AGENT]
         self.metadata, self.render_mode = self._env.renderer.metadata, render_mode
 
     def reset(

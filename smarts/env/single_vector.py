@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools, Bytes, Floats
-from smarts.controllers.action_formats import rejection
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, EnvSettings, make_settings, refuse_bubbles, with_mask
+from smarts.env.settings import EnvOptions, EnvSettings, with_mask
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
@@ -65,9 +64,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     ) -> None:
         self.closed = True  # what `__del__` finds if the next lines raise
         agents = 1 if agent is None else {AGENT: agent}
-        refuse_bubbles(
-            "SingleHiWayVectorEnv", make_settings("SingleHiWayVectorEnv", scenarios, agents, options=options)
-        )
+        EnvSettings(scenarios, agents, num_envs, **options).refuse_bubbles()
         if action_mask:
             options["observation"] = with_mask(options.get("observation", EnvSettings.observation))
         self._env = VectorHiWayEnv(num_envs, scenarios, agents, **options)
@@ -100,9 +97,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         first = 0 if seed is not None or not played else 1 + max(played)
         step = self._env.reset(seed, episode=first)
         super().reset(seed=seed, options=options)
-        self._seen = self._observations(step.observations[0], step.masks[0])
-        self._mask = self._mask_of(step.masks[0])
-        return self._seen, self._infos() | self._social_infos(step, ~step.reset)
+        return self._take(step), self._infos(step, ~step.reset)
 
     def step(self, actions: ArrayLike) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Step all simulations until the next decision; reset each simulation whose episode ends.
@@ -114,30 +109,19 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
             ActionError: An action is not in the space, or they are not an array of its shape.
             SmartsError: The environment was closed, or never reset.
         """
-        step = self._env.step([self._checked(actions)[:, None]])
+        step = self._env.step([actions])
         failed = np.zeros(self.num_envs, np.bool_)
         failed[[*step.failed]] = True
-        is_over = step.reset.any() or failed.any()
-        final_infos = self._final_infos(step, failed) if is_over else {}
-        self._seen = self._observations(step.observations[0], step.masks[0])
-        self._mask = self._mask_of(step.masks[0])
-        infos = self._infos() | self._social_infos(step, ~(step.reset | failed)) | final_infos
+        final = self._final(step)
+        seen, infos = self._take(step), self._infos(step, ~(step.reset | failed))
+        for row, (observation, info) in final.items():
+            infos = self._add_info(infos, {"final_obs": observation, "final_info": info}, row)
         rewards = step.rewards[:, 0].astype(np.float64)
-        return self._seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
+        return seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
 
     def close_extras(self, **_: Any) -> None:
         """Free the simulations."""
         self._env.close()
-
-    def _checked(self, actions: ArrayLike) -> NDArray:
-        try:
-            values = np.asarray(actions)
-        except ValueError:  # its rows are of different lengths
-            values = np.empty(0)
-        if values.shape != self.action_space.shape:
-            remedy = f"give an array of shape {self.action_space.shape}, such as action_space.sample()"
-            raise rejection(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)
-        return values
 
     def _observations(self, leaves: Leaves, mask: Bools | None) -> Any:
         """Return copies of arrays of shape (B or K, 1, ...) as one batch of observations."""
@@ -149,47 +133,44 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     def _mask_of(self, mask: Bools | None) -> Bytes | None:
         return None if mask is None else mask[:, 0].astype(np.int8)
 
-    def _infos(self) -> dict[str, Any]:
-        everywhere = np.ones(self.num_envs, np.bool_)
-        return {} if self._mask is None else {MASK: self._mask, f"_{MASK}": everywhere}
+    def _take(self, step: VectorStep) -> Any:
+        """Keep the masks and observations of a step; return the observations."""
+        self._mask = self._mask_of(step.masks[0])
+        self._seen = self._observations(step.observations[0], step.masks[0])
+        return self._seen
 
-    def _social_infos(self, step: VectorStep, rows: Bools) -> dict[str, Any]:
-        """Return what is to be known of other agents in some simulations, laid out by gymnasium's rules."""
-        infos: dict[str, Any] = {}
+    def _infos(self, step: VectorStep, rows: Bools) -> dict[str, Any]:
+        """Return all masks, and what is to be known of other agents in some simulations."""
+        everywhere = np.ones(self.num_envs, np.bool_)
+        infos = {} if self._mask is None else {MASK: self._mask, f"_{MASK}": everywhere}
         for row in np.flatnonzero(rows).tolist():
-            failures = {"social_failures": step.social_failures[row]} if row in step.social_failures else {}
-            for name, value in {**failures, **step.social_infos.get(row, {})}.items():
-                values = infos.setdefault(name, np.full(self.num_envs, None, object))
-                is_given = infos.setdefault(f"_{name}", np.zeros(self.num_envs, np.bool_))
-                values[row], is_given[row] = value, True
+            infos = self._add_info(infos, _about_others(step, row), row)
         return infos
 
-    def _final_infos(self, step: VectorStep, failed: Bools) -> dict[str, Any]:
-        """Return last observations, masks and outcomes, laid out as by `gymnasium.vector.SyncVectorEnv`."""
-        observations = np.full(self.num_envs, None, object)
-        outcomes = np.full(self.num_envs, None, object)
-        masks = None if self._mask is None else np.where(failed[:, None], self._mask, np.int8(0))
-        for row in np.flatnonzero(failed).tolist():
-            observations[row], outcomes[row] = _pick(self._seen, row), _INVALID
+    def _final(self, step: VectorStep) -> dict[int, tuple[Any, dict[str, Any]]]:
+        """Return the last observation and info of each simulation whose episode has ended, by row."""
+        final: dict[int, tuple[Any, dict[str, Any]]] = {}
+        for row in step.failed:
+            final[row] = _pick(self._seen, row), _ended(step, row, _INVALID, self._mask, row)
         if step.final is not None:
-            ended = self._observations(step.final.observations[0], step.final.masks[0])
-            last = self._mask_of(step.final.masks[0])
-            if masks is not None and last is not None:
-                masks[step.final.rows] = last
+            seen = self._observations(step.final.observations[0], step.final.masks[0])
+            mask = self._mask_of(step.final.masks[0])
             for place, row in enumerate(step.final.rows.tolist()):
-                shares = step.metrics[row]
-                observations[row] = _pick(ended, place)
-                outcomes[row] = next(each for each in _OUTCOMES if shares[each])
-        over = step.reset | failed
-        final_info = {"outcome": outcomes, "_outcome": over} | self._social_infos(step, over)
-        if masks is not None:
-            final_info |= {MASK: masks, f"_{MASK}": over.copy()}
-        return {
-            "final_obs": observations,
-            "_final_obs": over,
-            "final_info": final_info,
-            "_final_info": over.copy(),
-        }
+                outcome = next(each for each in _OUTCOMES if step.metrics[row][each])
+                final[row] = _pick(seen, place), _ended(step, row, outcome, mask, place)
+        return final
+
+
+def _ended(step: VectorStep, row: int, outcome: str, masks: Bytes | None, place: int) -> dict[str, Any]:
+    """Return the last info of a simulation, whose mask has a place among `masks`."""
+    mask = {} if masks is None else {MASK: masks[place]}
+    return {"outcome": outcome, **_about_others(step, row), **mask}
+
+
+def _about_others(step: VectorStep, row: int) -> dict[str, Any]:
+    """Return what is to be known of other agents in a simulation."""
+    failures = {"social_failures": step.social_failures[row]} if row in step.social_failures else {}
+    return failures | dict(step.social_infos.get(row, {}))
 
 
 def _pick(observations: Any, row: int) -> Any:

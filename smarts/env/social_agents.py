@@ -6,7 +6,7 @@ Axis letters: B simulations, A agents, C columns of an interface, N agents of a 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from functools import cache
 from typing import Any
 
@@ -21,11 +21,10 @@ from smarts.arrays import Bools
 from smarts.controllers import action_format, action_space
 from smarts.controllers.action_formats import Rejected
 from smarts.env.actions import ActionEncoder, Parsed
+from smarts.env.groups import context_of
 from smarts.errors import ActionError, shown
 from smarts.observations.arrays import ArrayObservation
-from smarts.observations.context import AdapterContext
 from smarts.sensors.observation import ObservationMaker
-from smarts.sim.agent_pool import AgentPool
 from smarts.sim.assembly import Assembly
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.frame import Frame
@@ -49,15 +48,15 @@ class SocialAgentRequests:
 
     Args:
         assembly: The simulations, their pool and their social policies.
-        encoder: Takes the actions.
 
     Raises:
         Exception: Whatever an agent raises when it is made.
     """
 
-    def __init__(self, assembly: Assembly, encoder: ActionEncoder) -> None:
+    def __init__(self, assembly: Assembly) -> None:
         self._world, self._pool = assembly.simulation.world, assembly.pool
-        self._actions, self._encoder = assembly.actions, encoder
+        self._actions = assembly.actions
+        self._encoder = ActionEncoder(self._actions, self._world)
         self._policies = assembly.policies
         self._host = Hosts(self._policies)
         self._observers = [
@@ -104,13 +103,14 @@ class SocialAgentRequests:
     def gather(self) -> dict[tuple[int, int], str]:
         """Write the answers; return the agents that have failed, by (row, number of the agent), and why."""
         failures: dict[tuple[int, int], str] = {}
-        for answer in self._host.gather():
-            if self._policies[answer.policy].host.delay_steps:
-                self._delayed.append(answer)
-            else:
-                self._take(answer, failures)
-        if self._delayed:
-            self._take_delayed(failures)
+        answers, self._delayed = [*self._delayed, *self._host.gather()], []
+        for answer in answers:
+            batch, delay = answer.request.batch, self._policies[answer.policy].host.delay_steps
+            is_due = self._world.step[batch.env_id] >= batch.step + delay
+            if not is_due.all():
+                self._delayed.append(answer.at(~is_due))
+                answer = answer.at(is_due)
+            self._take(answer, failures)
         return failures
 
     def begin(self, rows: Collection[int]) -> None:
@@ -121,7 +121,7 @@ class SocialAgentRequests:
         """
         self._host.begin()
         self._host.forget(rows)
-        self._delayed = [left for each in self._delayed if (left := each.without(rows))]
+        self._delayed = [each.at(~np.isin(each.request.batch.env_id, [*rows])) for each in self._delayed]
         self._late[:, [*rows]] = 0
 
     def late_decisions(self, row: int) -> dict[str, int]:
@@ -171,16 +171,6 @@ class SocialAgentRequests:
         assert episode is not None
         name = self._pool.name(row, column)
         return hold_seed(episode.seed, name, world=episode.world, episode=episode.episode)
-
-    def _take_delayed(self, failures: dict[tuple[int, int], str]) -> None:
-        """Take the answers whose time has come, in the order in which they were given."""
-        delayed, self._delayed = self._delayed, []
-        for answer in delayed:
-            batch, delay = answer.request.batch, self._policies[answer.policy].host.delay_steps
-            is_due = self._world.step[batch.env_id] >= batch.step + delay
-            self._take(answer.at(is_due), failures)
-            if not is_due.all():
-                self._delayed.append(answer.at(~is_due))
 
     def _take(self, answer: Answer, failures: dict[tuple[int, int], str]) -> None:
         """Write the actions of the holds that still are, and let those fail that have none."""
@@ -264,20 +254,11 @@ class _Observer:
         self._first, self._array = columns.start, None
         if policy.observation is None:
             return
-        agent_ids = np.arange(columns.start, columns.stop, dtype=np.int32)
         interface = interface_of(policy.spec)
-        assert interface.action is not None
-        context = AdapterContext(
-            assembly.scene,
-            tuple(f"{policy.name}:{agent_id}" for agent_id in agent_ids.tolist()),
-            agent_ids,
-            interface.action,
-            policy.period,
-            interface.max_episode_steps or 0,
-            (interface,) * len(agent_ids),
-        )
+        members = {f"{policy.name}:{agent_id}": interface for agent_id in range(columns.start, columns.stop)}
+        context = context_of(assembly.scene, members, columns.start, policy.period)
         self._array = ArrayObservation(context, policy.observation)
-        self._mask = np.zeros((assembly.simulation.world.worlds, len(agent_ids)), np.bool_)
+        self._mask = np.zeros((assembly.simulation.world.worlds, len(members)), np.bool_)
 
     def observe(self, rows: Places, columns: Places, is_first: Bools) -> dict[str, Any]:
         """Return copies of the observations of some agents by field, shape (N, *shape).
@@ -297,11 +278,3 @@ class _Observer:
         arrays = self._array.observe(self._mask)
         self._mask[:] = False
         return {name: array[rows, places] for name, array in arrays.items()}
-
-
-def add_by_name(
-    named: dict[int, dict[str, str]], failures: Mapping[tuple[int, int], str], pool: AgentPool
-) -> None:
-    """Add failures to `named`, which has them by simulation and the agent's name."""
-    for (row, number), problem in failures.items():
-        named.setdefault(row, {})[pool.starts[row][number].name] = problem

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypeVar, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
 from smarts.env.actions import Own, arrays_of
-from smarts.env.agent_notes import note_agents
-from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
-from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
-from smarts.env.settings import Agents, EnvOptions, make_settings
+from smarts.env.grouped_runner import make_runner
+from smarts.env.groups import ALONE, AgentGroup, box_of, rewards_of
+from smarts.env.runner import EpisodeKey, NotCopied, Transition
+from smarts.env.settings import Agents, EnvOptions, EnvSettings
 from smarts.env.vector_step import Block, Final, Ints, Spaces, VectorStep
-from smarts.errors import SmartsError, TrafficError
-from smarts.observations.action_mask import MASK
+from smarts.errors import TrafficError
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
+Part = TypeVar("Part")
 MOST_TRIES = 10
 """Episodes in a row that a simulation may fail to begin."""
 
@@ -49,7 +49,7 @@ class VectorHiWayEnv(NotCopied):
         agents: Agents = 4,
         **options: Unpack[EnvOptions],
     ) -> None:
-        settings = make_settings("VectorHiWayEnv", scenarios, agents, num_envs, options=options)
+        settings = EnvSettings(scenarios, agents, num_envs, **options)
         for name, spec in settings.specs().items():
             if spec.own_adapters:
                 raise InterfaceError(
@@ -58,11 +58,7 @@ class VectorHiWayEnv(NotCopied):
                     remedy="write an array adapter (docs/guide/adapters.md), or use an environment by name",
                 )
         self.num_envs = num_envs
-        assembly, self._groups = make_groups(settings)
-        self._runner = SimulationRunner(
-            assembly, [group.adapter for group in self._groups], period=settings.decision_interval
-        )
-        note_agents(self._runner, self._groups, settings)
+        self._runner, self._groups = make_runner(settings)
         self.agents = tuple(name for group in self._groups for name in group.agents)
         self.spaces = Spaces(tuple(_block(group) for group in self._groups))
         self._seed = settings.seed
@@ -70,7 +66,6 @@ class VectorHiWayEnv(NotCopied):
         self._episodes = np.zeros(num_envs, int)
         self._stride = 0
         self._none = np.zeros((num_envs, len(self.agents)), np.bool_)
-        self._learns_in_bubbles = assembly.learns_in_bubbles
         self._endings = np.zeros((num_envs, len(Outcome)), int)  # of the present episodes, by outcome
 
     @property
@@ -110,7 +105,7 @@ class VectorHiWayEnv(NotCopied):
         self._world_numbers[:] = np.arange(self.num_envs) if worlds is None else worlds
         self._episodes[:] = episode
         self._begin(np.arange(self.num_envs))
-        return self._result()
+        return self._result(social_infos=self._social_infos())
 
     def step(self, actions: Sequence[ArrayLike] | NDArray) -> VectorStep:
         """Step all simulations until the next decision; reset each simulation whose episode ends.
@@ -138,7 +133,7 @@ class VectorHiWayEnv(NotCopied):
         for row in failed:
             rewards[row], terminated[row], truncated[row], ended[row] = 0.0, False, False, False
         rows = np.flatnonzero(ended)
-        if self._learns_in_bubbles:
+        if self._runner.learns_in_bubbles:
             env_ids, columns = np.nonzero(terminated | truncated)
             np.add.at(self._endings, (env_ids, transition.outcome[env_ids, columns]), 1)
         final = self._final(rows) if len(rows) else None
@@ -148,7 +143,8 @@ class VectorHiWayEnv(NotCopied):
         runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
-        return self._result(transition.social_failures, social_infos)._replace(
+        return self._result(
+            social_infos=social_infos,
             rewards=rewards,
             terminated=terminated,
             truncated=truncated,
@@ -167,7 +163,7 @@ class VectorHiWayEnv(NotCopied):
                 are ignored.
         """
         for group, given in zip(self._groups, values, strict=True):
-            if given is not None and self._runner.is_recorded:
+            if given is not None and self._runner.recorder is not None:
                 given = np.asarray(given)
                 numbers = np.zeros((*self._none.shape, *given.shape[2:]))
                 numbers[:, group.columns] = given
@@ -178,7 +174,7 @@ class VectorHiWayEnv(NotCopied):
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
         """Begin the next episode in some simulations."""
         self._next_episodes(np.array(sorted(failures)))
-        return self._result()._replace(failed=dict(failures))
+        return self._result(failed=dict(failures), social_infos=self._social_infos())
 
     def close(self) -> None:
         """Free the simulations; may be called again."""
@@ -186,32 +182,22 @@ class VectorHiWayEnv(NotCopied):
 
     def _encode(self, actions: Sequence[ArrayLike] | NDArray) -> None:
         """Check all actions, then write the actions of active agents."""
-        chosen, encoder = self._runner.alive, self._runner.encoder
-        parsed, own = [], []
+        encoder, checked = self._runner.encoder, []
         for group, given in zip(self._groups, arrays_of(actions, self._groups, self.num_envs), strict=True):
-            acts = chosen[:, group.columns]
-            if group.encoding is None:
-                parsed.append(encoder.parse_group(group, given, acts))
-            else:
-                own.append(Own(group.encoding, given, acts, group.agent_ids))
-        encoder.write(parsed, own)
+            acts = self._runner.alive[:, group.columns]
+            checked.append(
+                Own(group, given, acts) if group.encodes else encoder.parse_group(group, given, acts)
+            )
+        encoder.write(checked)
 
-    def _result(
-        self,
-        failures: Mapping[int, Mapping[str, str]] | None = None,
-        social_infos: Mapping[int, Mapping[str, Any]] | None = None,
-    ) -> VectorStep:
+    def _result(self, **decision: Any) -> VectorStep:
         """Ask the social agents for their next actions, and return where the simulations stand.
 
         Args:
-            failures: The social agents that have failed in the decision, by simulation and name.
-            social_infos: Facts about other agents of the decision; None: as now.
+            decision: Fields that tell of the decision.
         """
-        named = {row: dict(names) for row, names in (failures or {}).items()}
-        for row, names in self._runner.take_social_failures().items():
-            named.setdefault(row, {}).update(names)
         self._runner.dispatch()
-        return VectorStep(
+        now = VectorStep(
             tuple(_leaves(group) for group in self._groups),
             np.zeros(self._none.shape, np.float32),
             self._none,
@@ -219,9 +205,9 @@ class VectorHiWayEnv(NotCopied):
             self._runner.alive,
             reset=np.zeros(self.num_envs, np.bool_),
             masks=tuple(group.action_mask() for group in self._groups),
-            social_failures=named,
-            social_infos=self._social_infos() if social_infos is None else social_infos,
+            social_failures=self._runner.take_social_failures(),
         )
+        return now._replace(**decision)
 
     def _social_infos(self) -> dict[int, dict[str, Any]]:
         """Return the simulations' `SimulationRunner.social_info` that are not empty."""
@@ -248,17 +234,16 @@ class VectorHiWayEnv(NotCopied):
                 self._begin_one(int(row))
 
     def _begin_one(self, row: int) -> None:
-        problems: list[SmartsError] = []
-        while len(problems) < MOST_TRIES:
+        problem = None
+        for _ in range(MOST_TRIES):
             try:
-                self._runner.reset({row: self._key(row)})
-                return
+                return self._runner.reset({row: self._key(row)})
             except TrafficError as error:
-                problems.append(error)
+                problem = error
                 self._advance(np.array([row]))
         raise TrafficError(
             f"simulation {row} failed to begin {MOST_TRIES} episodes in a row", place="VectorHiWayEnv"
-        ) from problems[-1]
+        ) from problem
 
     def _key(self, row: Any) -> EpisodeKey:
         return EpisodeKey(int(self._world_numbers[row]), int(self._episodes[row]), self._seed)
@@ -273,26 +258,26 @@ class VectorHiWayEnv(NotCopied):
 
     def _metrics(self, row: int, transition: Transition) -> dict[str, float]:
         endings = np.bincount(transition.outcome[row], minlength=len(Outcome))
-        if self._learns_in_bubbles:
+        if self._runner.learns_in_bubbles:
             endings = self._endings[row]
         count = max(1, int(endings.sum()))
         shares = {
             outcome.name.lower(): float(endings[outcome]) / count
             for outcome in Outcome
-            if outcome != Outcome.NONE and (self._learns_in_bubbles or outcome != Outcome.LEFT_BUBBLE)
+            if outcome != Outcome.NONE and (self._runner.learns_in_bubbles or outcome != Outcome.LEFT_BUBBLE)
         }
         return {**shares, "steps": float(self._runner.world.step[row])}
 
 
 def _leaves(group: AgentGroup) -> dict[str, NDArray]:
-    arrays = {name: array for name, array in group.adapter.observations.items() if name != MASK}
-    return {"": arrays[ALONE]} if [*arrays] == [ALONE] else arrays
+    return _named(group.arrays)
 
 
 def _block(group: AgentGroup) -> Block:
-    fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
-    spaces = {name: box_of(field) for name, field in fields.items()}
-    if [*spaces] == [ALONE]:
-        spaces = {"": spaces[ALONE]}
-    action: Any = group.action
+    spaces, action = _named({field.name: box_of(field) for field in group.fields}), cast(Any, group.action)
     return Block(group.agents, spaces, action, group.action_mask() is not None)
+
+
+def _named(parts: dict[str, Part]) -> dict[str, Part]:
+    """Return the parts of an observation, under "" if there is only one array."""
+    return {"": parts[ALONE]} if [*parts] == [ALONE] else parts

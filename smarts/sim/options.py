@@ -112,28 +112,12 @@ class Options:
         return round(self.action_latency / self.dt)
 
 
-def check_envision(envision: object) -> None:
-    """Raise unless a value says whether and where simulations are shown.
-
-    Raises:
-        SmartsError: It is neither a truth value nor None nor an address.
-    """
-    if isinstance(envision, str):
-        Address.parse(envision, "envision")
-    elif envision is not None and not isinstance(envision, bool):
-        raise SmartsError(
-            f"envision is {envision!r}",
-            place="envision",
-            remedy="give True to show the simulations, False not to, or the address of a viewer, host:port",
-        )
-
-
 def shown(options: Options | None, envision: bool | str | None) -> Options | None:
     """Return options that show the simulations in a browser, or do not.
 
     Args:
         options: The simulations'.
-        envision: See `EnvSettings`; checked.
+        envision: See `EnvSettings`.
     """
     if envision is None:
         return options

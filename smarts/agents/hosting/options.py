@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from pydantic import Field
 
-from smarts.agents.checks import InterfaceError, Plain, check_instance, checked
+from smarts.agents.checks import InterfaceError, Plain, checked
 from smarts.errors import SmartsError
 from smarts_agent_kit.service import one_line
 from smarts_agent_kit.wire import Message
@@ -150,25 +150,19 @@ HostsByLocator = Mapping[str, HostOptions]
 """Options by locator; `OTHERS` stands for all that are not named."""
 
 
-def hosts_of(given: Any) -> dict[str, HostOptions]:
+def hosts_of(given: Mapping[str, HostOptions | str | Mapping[str, Any]]) -> dict[str, HostOptions]:
     """Return where agents act, by locator; each is given as itself, a dict of its fields or its `where`.
 
     Raises:
-        InterfaceError: Something is not what it has to be; names the value.
+        InterfaceError: A field is not what it can be.
     """
-    check_instance("hosts", given, Mapping, "{'idm-v0': 'process'}")
-    for locator in given:
-        check_instance("a key of hosts", locator, str, f"a locator, or {OTHERS!r} for all others", "hosts")
-    return {locator: _read(entry) for locator, entry in given.items()}
-
-
-def _read(entry: Any) -> HostOptions:
-    if isinstance(entry, HostOptions):
-        return entry
-    if isinstance(entry, str):
-        return HostOptions(where=entry)  # type: ignore[arg-type] - it is checked
-    check_instance("an entry", entry, Mapping, "'process', or {'where': 'process', 'patience': 5}", "hosts")
-    return HostOptions(**entry)
+    options = {
+        locator: {"where": entry} if isinstance(entry, str) else entry for locator, entry in given.items()
+    }
+    return {
+        locator: entry if isinstance(entry, HostOptions) else HostOptions(**entry)
+        for locator, entry in options.items()
+    }
 
 
 def host_of(hosts: HostsByLocator, locator: str) -> HostOptions:

@@ -22,8 +22,8 @@ def address_of(monkeypatch):
         runner = env._runner
         env.close()
         # Without a recorder, no notes are taken.
-        assert runner.is_recorded == bool(runner._notes)
-        return runner._recorder._parts[0]._address if runner.is_recorded else None
+        assert (runner.recorder is not None) == bool(runner._notes)
+        return runner.recorder._parts[0]._address if runner.recorder else None
 
     return address_of
 
@@ -40,6 +40,6 @@ def test_an_environment_is_shown_where_it_is_said(address_of, monkeypatch):
 
 def test_headless_false_shows_it():
     env = RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": 1, "headless": False})
-    (publisher,) = env._env.runner._recorder._parts
+    (publisher,) = env._env.runner.recorder._parts
     env.close()
     assert publisher._address == HERE

@@ -101,6 +101,6 @@ def test_what_is_refused():
         env.reset(options={"reset_mask": np.array([True, False])})
     env.reset()
     for wrong in (0, [0, [1, 2]]):
-        with raises(ActionError, values=[(2,)]):
+        with raises(ActionError, values=[(2, 1)]):
             env.step(wrong)  # type: ignore[arg-type]
     env.close()

@@ -83,14 +83,15 @@ def test_an_agent_whose_answer_is_no_action_fails_alone(play, action, told):
     asked = []
     played = play(lambda seen: asked.append(seen) or (action if len(asked) > 3 else "keep_lane"), beside)
     played.reset()
-    transition = played.step(3)
-    assert transition.social_failures == {}
-    transition = played.step()
-    assert [*transition.social_failures] == [0]
-    assert told in transition.social_failures[0]["social"]
+    played.step(3)
+    assert played.runner.social_failures == {}
+    played.step()
+    failures = played.runner.take_social_failures()
+    assert [*failures] == [0]
+    assert told in failures[0]["social"]
     assert not played.runner.actions.given[0, SOCIAL]
-    transition = played.step(10)
-    assert transition.social_failures == {}, "told once"
+    played.step(10)
+    assert played.runner.social_failures == {}, "told once"
     assert len(asked) == 4, "not asked again"
     assert played.world.agents.state[0, SOCIAL] == AgentStatus.ACTIVE
     assert played.world.vehicles.speed[0, played.slot] > 0, "the fallback drives"
@@ -104,7 +105,8 @@ def test_a_vehicle_that_came_from_traffic_goes_back_when_its_agent_fails(play):
     played.reset()
     world = played.world
     for _ in range(120):
-        if played.step().social_failures:
+        played.step()
+        if played.runner.social_failures:
             break
     assert world.agents.release_step[0, SOCIAL] == world.step[0] - 1
     assert not played.runner.actions.given[0, SOCIAL]

@@ -64,7 +64,8 @@ def run(policies, change=beside_both, *, worlds=1, steps=20, episodes=(0,), inte
             runner.reset({row: EpisodeKey(row, episode, 42) for row in range(worlds)})
             runner.dispatch()
             for _ in range(steps):
-                failures.append(runner.step().social_failures)
+                runner.step()
+                failures.append(runner.take_social_failures())
                 runner.dispatch()
         return parts, failures
     finally:

@@ -9,12 +9,10 @@ import pytest
 
 from smarts.agents import RGB, AgentInterface, AgentType
 from smarts.env.observation_collector import ObservationCollector
-from smarts.observations.context import AdapterContext
 from smarts.roads.scene import Scene
 from smarts.sensors.observation import ObservationMaker
 from smarts.sensors.signals import SignalLightState
 from smarts.sensors.suite import SensorSuite
-from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.coordinates import Dimensions
 from smarts.types.events import Contacts, Event, Events
@@ -156,10 +154,7 @@ def test_an_observation_outlives_its_frame():
 
 def test_collisions_are_those_of_all_steps_of_a_decision():
     stage = Stage(FULL)
-    served = AdapterContext(
-        stage.parts.scene, ("ego",), np.zeros(1, np.int32), ActionSpaceType.Empty, period=3, max_steps=0
-    )
-    onlooker = ObservationCollector(served)
+    onlooker = ObservationCollector(stage.parts.scene, [0])
     touching = stage.contacts.touching
     collisions = []
     for step, slots in enumerate([(2,), (1, 2), (), (), (), ()]):
