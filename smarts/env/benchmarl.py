@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarl.environments.common import TaskClass
+from benchmarl.environments.pettingzoo.common import PettingZooClass
 from numpy.random import SeedSequence
 from torchrl.data import Composite
 from torchrl.envs import EnvBase
@@ -14,12 +14,11 @@ from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
 from smarts.env.black_death import BlackDeath
 from smarts.env.parallel import hiway_parallel_env
-from smarts.types.agent_states import agent_names
 
 GROUP = "agents"
 
 
-class HiWayTask(TaskClass):
+class HiWayTask(PettingZooClass):
     """Scenarios with a fixed number of agents, all of one group.
 
     Agents that have ended stay in the batch until all have; see `BlackDeath`. Each environment that
@@ -59,12 +58,8 @@ class HiWayTask(TaskClass):
 
         return make
 
-    def supports_continuous_actions(self) -> bool:
-        """Return False: agents choose among lane actions."""
-        return False
-
     def supports_discrete_actions(self) -> bool:
-        """Return True."""
+        """Return True: agents choose among lane actions, and only among these."""
         return True
 
     def has_render(self, env: EnvBase) -> bool:
@@ -75,37 +70,11 @@ class HiWayTask(TaskClass):
         """Return the most decisions of an episode."""
         return self._max_steps
 
-    def group_map(self, env: EnvBase) -> dict[str, list[str]]:
-        """Return the agents by their group."""
-        return {GROUP: list(agent_names(self.config["agents"]))}
-
-    def state_spec(self, env: EnvBase) -> Composite | None:
-        """Return None: critics that see all read all observations."""
-        return None
-
-    def action_mask_spec(self, env: EnvBase) -> Composite | None:
-        """Return the spec of which lane actions are allowed."""
-        return _only(env, "action_mask")
-
-    def observation_spec(self, env: EnvBase) -> Composite:
-        """Return the spec of what agents observe."""
-        return _only(env, "observation")
-
     def info_spec(self, env: EnvBase) -> Composite | None:
         """Return None."""
         return None
-
-    def action_spec(self, env: EnvBase) -> Composite:
-        """Return the spec of actions."""
-        return env.full_action_spec
 
     @staticmethod
     def env_name() -> str:
         """Return the name under which BenchMARL groups results."""
         return "smarts"
-
-
-def _only(env: EnvBase, leaf: str) -> Composite:
-    """Return the part of the observations' spec that has one leaf of the agents."""
-    agents = env.observation_spec[GROUP]
-    return Composite({GROUP: Composite({leaf: agents[leaf].clone()}, shape=agents.shape)})

@@ -250,8 +250,8 @@ def _start(part: Part, agent: Agent, hosts: HostsByLocator) -> Starter | None:
     """
     if isinstance(agent, RemoteAgent):
         return agent.start
-    locator = part.wanted.locator
-    host, problem, remedy = host_of(hosts, locator), "", ""
+    locator, problem, remedy = part.wanted.locator, "", ""
+    host = host_of(hosts, locator)
     if host.where == IN_PROCESS:
         if host.deadline_ms is not None:
             problem = "deadline_ms is given, and the agent acts in process, where it is never late"

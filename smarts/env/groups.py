@@ -21,6 +21,7 @@ from smarts.env.adapters import ArrayAdapter
 from smarts.env.settings import EnvSettings
 from smarts.observations.action_mask import MASK
 from smarts.observations.context import AdapterContext
+from smarts.observations.lists import feature_list
 from smarts.roads.scene import Scene
 from smarts.sim.assembly import Assembly
 from smarts.types.actions import Actions, ActionSpaceType
@@ -115,18 +116,15 @@ def make_groups(
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
     """
+    interfaces = settings.interfaces()
     # An adapter made by a function may read every sensor.
     sensors = None if sees_objects else getattr(settings.adapter_class, "sensors", None)
-    interfaces = settings.interfaces()
-    observed = None if settings.observes_sensors else sensors
-    grouped = [interfaces] if sees_objects else _grouped(interfaces, observed)
-    flat = {name: interface for members in grouped for name, interface in members.items()}
-    assembly = settings.assemble(flat, sensors)
-    groups, first = [], 0
-    for members in grouped:
-        groups.append(_group(members, first, assembly.scene, settings))
-        first += len(members)
-    return assembly, tuple(groups)
+    needs_equal = feature_list(settings.observation).needs_equal_sensors
+    grouped = [interfaces] if sees_objects else _grouped(interfaces, None if needs_equal else sensors)
+    assembly = settings.assemble(dict(pair for members in grouped for pair in members.items()), sensors)
+    firsts = np.cumsum([0, *map(len, grouped)]).tolist()
+    made = [_group(*each, assembly.scene, settings) for each in zip(grouped, firsts, strict=False)]
+    return assembly, tuple(made)
 
 
 def rewards_of(groups: Sequence[AgentGroup], acted: Bools) -> Singles:

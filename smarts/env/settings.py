@@ -148,11 +148,6 @@ class EnvSettings:
         """The class or function that makes adapters."""
         return adapter_class(self.adapter, self.adapter_options)
 
-    @property
-    def observes_sensors(self) -> bool:
-        """Whether the observation has sensors' fields, so that agents are grouped by their sensors."""
-        return feature_list(self.observation).needs_equal_sensors
-
     def make_adapter(self, context: AdapterContext) -> ArrayAdapter:
         """Return a new adapter of some agents."""
         observation = with_mask(self.observation) if self.action_mask else self.observation
