@@ -1,7 +1,7 @@
-"""The social policies of this process: `dispatch` takes requests, `gather` returns the answers.
+"""The social policies of this process: `ask` takes a request, `take` computes and returns the answer.
 
-Policies elsewhere compute in between (`smarts.agents.hosting`); those here compute in `gather`. A request has
-all vehicles of one policy that decide now, in all simulations, so a policy gets one request in a step.
+Policies elsewhere compute in between (`smarts.agents.hosting`). A request has all vehicles of one policy that
+decide now, in all simulations, so a policy gets one request in a step.
 
 Axis letter: N agents of a request.
 """
@@ -9,17 +9,19 @@ Axis letter: N agents of a request.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.options import InterfaceError
-from smarts.agents.policy import ActionBatch, Agent, BatchAgent
+from smarts.agents.policy import ActionBatch, Agent
 from smarts.agents.social import SocialPolicy
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools
 from smarts_agent_kit.service import FAILURES, WrongActionsError, checked_actions, problem_of
+
+Actions = NDArray | Sequence[Any]
 
 
 class Request(NamedTuple):
@@ -50,7 +52,7 @@ class Answer(NamedTuple):
     policy: int
     """Its number."""
     request: Request
-    actions: NDArray | Sequence[Any]
+    actions: Actions
     """An array of shape (N, ...), or N actions; a `Failed` or a `Late` in place of a missing action."""
 
     def at(self, chosen: Bools) -> Answer:
@@ -62,62 +64,44 @@ class Answer(NamedTuple):
         return Answer(self.policy, part_of(self.request, chosen), actions)
 
 
-class InProcess:
-    """Runs the policies in this process: they decide when their actions are fetched, however long they take.
+class LocalPolicy:
+    """A policy of this process: it decides when its answers are taken, however long it takes.
 
     Args:
-        policies: The policies of the run; policies that act elsewhere are left out.
-
-    Raises:
-        Exception: Whatever an agent raises when it is made.
+        policy: What makes its agents.
     """
 
-    def __init__(self, policies: Sequence[SocialPolicy]) -> None:
-        self._players: dict[int, Player] = {
-            number: _player(policy) for number, policy in enumerate(policies) if policy.acts_here
-        }
-        self._asked: list[tuple[int, Request]] = []
+    def __init__(self, policy: SocialPolicy) -> None:
+        self._policy = policy
+        self._asked: list[Request] = []
 
-    def dispatch(self, requests: Mapping[int, Request]) -> None:
-        """Keep the requests."""
-        self._asked += requests.items()
+    def act(self, request: Request) -> Actions:
+        """Return the actions of all agents of a request."""
+        raise NotImplementedError
 
-    def gather(self) -> Sequence[Answer]:
+    def ask(self, request: Request) -> None:
+        """Keep a request."""
+        self._asked.append(request)
+
+    def take(self) -> list[tuple[Request, Actions]]:
         """Return the answers to all requests."""
         asked, self._asked = self._asked, []
-        return [Answer(number, request, self._players[number](request)) for number, request in asked]
+        return [(request, self.act(request)) for request in asked]
 
     def forget(self, rows: Collection[int]) -> None:
         """Drop the requests and the agents of some simulations."""
-        left = [
-            (number, part_of(request, ~np.isin(request.batch.env_id, [*rows])))
-            for number, request in self._asked
-        ]
-        self._asked = [(number, request) for number, request in left if len(request.batch.env_id)]
-        for player in self._players.values():
-            player.forget(rows)
-
-    def close(self) -> None:
-        """Forget the policies."""
-        self._asked.clear()
-        self._players.clear()
+        left = [part_of(request, ~np.isin(request.batch.env_id, [*rows])) for request in self._asked]
+        self._asked = [request for request in left if len(request.batch.env_id)]
 
 
-class Player(Protocol):
-    """Answers the requests to one policy."""
+def local_policy(policy: SocialPolicy) -> LocalPolicy:
+    """Return a policy that acts in this process.
 
-    def __call__(self, request: Request) -> NDArray | Sequence[Any]:
-        """Return the actions of all agents of a request."""
-        ...
-
-    def forget(self, rows: Collection[int]) -> None:
-        """Drop the agents of some simulations."""
-        ...
-
-
-def _player(policy: SocialPolicy) -> Player:
+    Raises:
+        Exception: Whatever its agent raises when it is made.
+    """
     if policy.observation is not None:
-        return BatchPlayer(built_agent(policy.spec, policy.name))
+        return BatchPlayer(policy)
     return (FlockPlayer if policy.is_boid else SinglePlayer)(policy)
 
 
@@ -135,13 +119,17 @@ def built_agent(spec: AgentSpec, place: str) -> Agent:
     return agent
 
 
-class BatchPlayer:
-    """Asks a `BatchAgent`, once for each request: if it raises, all agents of the request fail."""
+class BatchPlayer(LocalPolicy):
+    """Asks a `BatchAgent`, once for each request: if it raises, all agents of the request fail.
 
-    def __init__(self, agent: Any) -> None:
-        self._agent: BatchAgent = agent
+    What the agent remembers starts over where a hold begins.
+    """
 
-    def __call__(self, request: Request) -> NDArray | Sequence[Any]:
+    def __init__(self, policy: SocialPolicy) -> None:
+        super().__init__(policy)
+        self._agent: Any = built_agent(policy.spec, policy.name)
+
+    def act(self, request: Request) -> Actions:
         """Return the actions of all agents of a request."""
         batch = request.batch
         count = len(batch.env_id)
@@ -151,9 +139,6 @@ class BatchPlayer:
             return [Failed(str(error))] * count
         except FAILURES as error:
             return [failed_by(error)] * count
-
-    def forget(self, rows: Collection[int]) -> None:
-        """Do nothing: what a `BatchAgent` remembers starts over where a hold begins."""
 
 
 def part_of(request: Request, chosen: Bools) -> Request:
@@ -166,21 +151,22 @@ def part_of(request: Request, chosen: Bools) -> Request:
     return Request(ActionBatch(observations, **others), seen, vehicles, request.held)
 
 
-class SinglePlayer:
+class SinglePlayer(LocalPolicy):
     """Asks an agent of its own for each hold."""
 
     def __init__(self, policy: SocialPolicy) -> None:
-        self._policy = policy
+        super().__init__(policy)
         self._agents: dict[tuple[int, int], tuple[int, Agent]] = {}
 
-    def __call__(self, request: Request) -> Sequence[Any]:
+    def act(self, request: Request) -> Actions:
         """Return the actions of all agents of a request."""
         batch = request.batch
         places = zip(batch.env_id.tolist(), batch.agent_id.tolist(), batch.hold.tolist(), strict=True)
         return [self._act(*place, seen) for place, seen in zip(places, request.seen, strict=True)]
 
     def forget(self, rows: Collection[int]) -> None:
-        """Drop the agents of some simulations."""
+        """Drop the requests and the agents of some simulations."""
+        super().forget(rows)
         self._agents = {place: agent for place, agent in self._agents.items() if place[0] not in rows}
 
     def _act(self, env_id: int, agent_id: int, hold: int, seen: Any) -> Any:
@@ -194,15 +180,15 @@ class SinglePlayer:
             return failed_by(error)
 
 
-class FlockPlayer:
+class FlockPlayer(LocalPolicy):
     """Asks one agent for all vehicles of a simulation: it gets and returns dicts by the vehicles' names."""
 
     def __init__(self, policy: SocialPolicy) -> None:
-        self._policy = policy
+        super().__init__(policy)
         # By simulation: holds that the agent was asked for, the agent.
         self._flocks: dict[int, tuple[set[int], Agent]] = {}
 
-    def __call__(self, request: Request) -> Sequence[Any]:
+    def act(self, request: Request) -> Actions:
         """Return the actions of all agents of a request."""
         batch = request.batch
         actions: list[Any] = [None] * len(batch.env_id)
@@ -213,7 +199,8 @@ class FlockPlayer:
         return actions
 
     def forget(self, rows: Collection[int]) -> None:
-        """Drop the agents of some simulations."""
+        """Drop the requests and the agents of some simulations."""
+        super().forget(rows)
         self._flocks = {env_id: flock for env_id, flock in self._flocks.items() if env_id not in rows}
 
     def _act(self, env_id: int, places: Sequence[int], request: Request) -> list[Any]:

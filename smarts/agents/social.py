@@ -52,11 +52,6 @@ class SocialPolicy:
     host: HostOptions = HERE
     """Options of the time in which it acts."""
 
-    @property
-    def acts_here(self) -> bool:
-        """Whether it acts in this process."""
-        return self.start is None
-
 
 class Wanted(NamedTuple):
     """A policy that a scenario or an environment asks for. Equal ones are one policy of the run."""

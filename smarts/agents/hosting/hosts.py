@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
+from smarts.agents.acting import Actions, Answer, Failed, Late, Request, local_policy
 from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.options import HostError, HostOptions, Link, Starter, about, patience
 from smarts.agents.policy import ActionBatch
@@ -24,8 +23,6 @@ from smarts_agent_kit.wire import Message, encode
 
 MOST_SKIPPED = 63
 """Requests that a host fails at most before it is started again: 0, 1, 3, 7 ... after failures in a row."""
-
-Actions = NDArray | Sequence[Any]
 
 
 class Hosts:
@@ -42,7 +39,7 @@ class Hosts:
     """
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
-        self._here = InProcess(policies)
+        self._here = {number: local_policy(each) for number, each in enumerate(policies) if not each.start}
         self._hosted = {
             number: HostedPolicy(policy.start, policy.host)
             for number, policy in enumerate(policies)
@@ -75,17 +72,13 @@ class Hosts:
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Send all requests, without waiting."""
-        here = {}
         for number, request in requests.items():
-            if number in self._hosted:
-                self._hosted[number].ask(request)
-            else:
-                here[number] = request
-        self._here.dispatch(here)
+            (self._hosted.get(number) or self._here[number]).ask(request)
 
     def gather(self) -> Sequence[Answer]:
         """Return the answers to all requests, by the policy's number."""
-        answers, begun = [*self._here.gather()], time.monotonic()
+        answers = [Answer(number, *taken) for number, here in self._here.items() for taken in here.take()]
+        begun = time.monotonic()
         waiting = [each for each in self._hosted.values() if each.is_asked]
         while waiting:
             for each in wait_for_any(waiting, begun) or waiting:
@@ -100,14 +93,15 @@ class Hosts:
 
         What an agent elsewhere is still answering counts for holds that are over.
         """
-        self._here.forget(rows)
+        for here in self._here.values():
+            here.forget(rows)
 
     def close(self) -> None:
         """End the policies and their processes; may be called again."""
         with ExitStack() as ends:  # an interrupt while one ends keeps no other
             for each in self._hosted.values():
                 ends.callback(each.end)
-            ends.callback(self._here.close)
+            ends.callback(self._here.clear)
 
 
 @dataclass

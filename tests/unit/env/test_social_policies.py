@@ -9,7 +9,8 @@ from smarts.agents import (
     Agent,
     PooledAgents,
 )
-from smarts.agents.acting import InProcess, Request
+from smarts.agents.acting import Request
+from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.social import Cast
 from smarts.env.runner import EpisodeKey, SimulationRunner
@@ -160,7 +161,7 @@ def test_what_a_policy_remembers_ends_with_the_episode_whatever_its_number(optio
             self.asked += 1
             return dict.fromkeys(obs, self.asked) if isinstance(obs, dict) else self.asked
 
-    host = InProcess([policy_of(Counts, **options)])
+    host = Hosts([policy_of(Counts, **options)])
 
     def asked(*env_ids, hold=0):
         host.dispatch({0: requests_of(*env_ids, hold=hold)})
@@ -174,7 +175,7 @@ def test_what_a_policy_remembers_ends_with_the_episode_whatever_its_number(optio
 
 def test_requests_in_flight_are_dropped_where_other_episodes_begin():
     seen = []
-    host = InProcess([policy_of(lambda obs: seen.append(obs) or "keep_lane")])
+    host = Hosts([policy_of(lambda obs: seen.append(obs) or "keep_lane")])
     host.dispatch({0: requests_of(0, 1, 2)})
     host.forget([1])
     (answer,) = host.gather()
