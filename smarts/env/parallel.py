@@ -62,7 +62,6 @@ def hiway_parallel_env(
     scenarios: Sequence[str | Path],
     agents: Agents = 4,
     *,
-    action_mask: bool = False,
     render_mode: RenderMode | None = None,
     **options: Unpack[EnvOptions],
 ) -> ParallelHiWayEnv:
@@ -74,7 +73,6 @@ def hiway_parallel_env(
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agents: How many agents of the benchmark, or specs or interfaces by name. A spec's adapters are
             applied to the observations, rewards and actions.
-        action_mask: Whether observations hold the mask too: `{"observation": ..., "action_mask": ...}`.
         render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
             notebook.
         options: See `EnvSettings`.
@@ -82,4 +80,4 @@ def hiway_parallel_env(
     Raises:
         SmartsError: A scenario, an agent or the render mode is invalid.
     """
-    return ParallelHiWayEnv(EnvSettings(scenarios, agents, action_mask=action_mask, **options), render_mode)
+    return ParallelHiWayEnv(EnvSettings(scenarios, agents, **options), render_mode)

@@ -65,6 +65,7 @@ class EnvOptions(SimulationOptions, total=False):
     discount: float | None
     adapter: Adapter | None
     adapter_options: Mapping[str, Any] | None
+    action_mask: bool
 
 
 @checked
@@ -115,8 +116,9 @@ class EnvSettings:
     `simulation` or SMARTS_ENVISION names another; "host:port" in that one; False in none. None: as
     `simulation` says."""
     action_mask: bool = False
-    """Whether observations by name hold the mask of lane actions too, whatever features they have. It is in
-    the infos anyway if the feature `action_mask` is among these."""
+    """Whether observations hold the mask of lane actions too, whatever features they have:
+    {"observation": ..., "action_mask": ...}. It is in the infos anyway if the feature `action_mask` is among
+    these."""
 
     def __post_init__(self) -> None:
         if self.reward is not None:
@@ -150,7 +152,11 @@ class EnvSettings:
 
     def make_adapter(self, context: AdapterContext) -> ArrayAdapter:
         """Return a new adapter of some agents."""
-        observation = with_mask(self.observation) if self.action_mask else self.observation
+        observation = self.observation
+        if self.action_mask:
+            features = feature_list(observation)
+            names = [each.name for each in (*features.stacked, *features.features)]
+            observation = features if MASK in names else features.plus(features=[MASK])
         given = observation, self.reward, self.discount
         return self.adapter_class(context, *given, **(self.adapter_options or {}))
 
@@ -220,10 +226,3 @@ class EnvSettings:
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
-
-
-def with_mask(observation: Observed) -> Observed:
-    """Return an observation with the feature `action_mask`, which it may have already."""
-    features = feature_list(observation)
-    names = [each.name for each in (*features.stacked, *features.features)]
-    return observation if MASK in names else features.plus(features=[MASK])

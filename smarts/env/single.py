@@ -28,10 +28,9 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
             from the seed.
         agent: Its spec or interface; by default, that of the benchmark. A spec's adapters are applied to the
             observation, the reward and the action.
-        action_mask: Whether observations hold the mask of the lane actions too, which is in each info.
         render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
             notebook.
-        options: See `EnvSettings`.
+        options: See `EnvSettings`; the mask of the lane actions is in each info.
 
     Raises:
         SmartsError: A scenario or the agent is invalid.
@@ -44,12 +43,11 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
         scenarios: Sequence[str | Path],
         agent: AgentSpec | AgentInterface | None = None,
         *,
-        action_mask: bool = False,
         render_mode: RenderMode | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
         agents = 1 if agent is None else {AGENT: agent}
-        settings = EnvSettings(scenarios, agents, action_mask=action_mask, **options)
+        settings = EnvSettings(scenarios, agents, **options)
         self._env = DictEnv(settings, render_mode=render_mode)
         self.observation_space = self._env.observation_spaces()[AGENT]
         self.action_space = self._env.action_spaces()[AGENT]

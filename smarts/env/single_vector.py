@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +16,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools, Bytes, Floats
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, EnvSettings, with_mask
+from smarts.env.settings import EnvOptions, EnvSettings
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
@@ -44,8 +43,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         num_envs: How many simulations.
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agent: Its spec (without adapters) or interface; by default, that of the benchmark.
-        action_mask: Whether observations hold the mask of the lane actions too, which is in the infos.
-        options: See `EnvSettings`.
+        options: See `EnvSettings`; the mask of the lane actions is in the infos.
 
     Raises:
         SmartsError: A scenario or the agent is invalid.
@@ -58,22 +56,15 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         num_envs: int,
         scenarios: Sequence[str | Path],
         agent: AgentSpec | AgentInterface | None = None,
-        *,
-        action_mask: bool = False,
         **options: Unpack[EnvOptions],
     ) -> None:
         self.closed = True  # what `__del__` finds if the next lines raise
         agents = 1 if agent is None else {AGENT: agent}
         EnvSettings(scenarios, agents, num_envs, **options).refuse_bubbles()
-        if action_mask:
-            options["observation"] = with_mask(options.get("observation", EnvSettings.observation))
         self._env = VectorHiWayEnv(num_envs, scenarios, agents, **options)
         self.num_envs = num_envs
         (block,) = self._env.spaces.blocks
-        self._shows_mask = action_mask and block.masked
-        spaces: dict[str, Any] = {name or ALONE: space for name, space in block.observation.items()}
-        if self._shows_mask and isinstance(block.action, Discrete):
-            spaces[MASK] = Box(0, 1, (int(block.action.n),), np.int8)
+        spaces = {name or ALONE: space for name, space in block.observation.items()}
         self.single_observation_space = space_of(assembled(spaces))
         self.single_action_space = block.action
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -123,20 +114,13 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         """Free the simulations."""
         self._env.close()
 
-    def _observations(self, leaves: Leaves, mask: Bools | None) -> Any:
-        """Return copies of arrays of shape (B or K, 1, ...) as one batch of observations."""
-        parts = {name or ALONE: array[:, 0].copy() for name, array in leaves.items()}
-        if self._shows_mask and mask is not None:
-            parts[MASK] = mask[:, 0].astype(np.int8)
-        return assembled(parts)
-
     def _mask_of(self, mask: Bools | None) -> Bytes | None:
         return None if mask is None else mask[:, 0].astype(np.int8)
 
     def _take(self, step: VectorStep) -> Any:
         """Keep the masks and observations of a step; return the observations."""
         self._mask = self._mask_of(step.masks[0])
-        self._seen = self._observations(step.observations[0], step.masks[0])
+        self._seen = _observations(step.observations[0])
         return self._seen
 
     def _infos(self, step: VectorStep, rows: Bools) -> dict[str, Any]:
@@ -153,7 +137,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         for row in step.failed:
             final[row] = _pick(self._seen, row), _ended(step, row, _INVALID, self._mask, row)
         if step.final is not None:
-            seen = self._observations(step.final.observations[0], step.final.masks[0])
+            seen = _observations(step.final.observations[0])
             mask = self._mask_of(step.final.masks[0])
             for place, row in enumerate(step.final.rows.tolist()):
                 outcome = next(each for each in _OUTCOMES if step.metrics[row][each])
@@ -171,6 +155,11 @@ def _about_others(step: VectorStep, row: int) -> dict[str, Any]:
     """Return what is to be known of other agents in a simulation."""
     failures = {"social_failures": step.social_failures[row]} if row in step.social_failures else {}
     return failures | dict(step.social_infos.get(row, {}))
+
+
+def _observations(leaves: Leaves) -> Any:
+    """Return copies of arrays of shape (B or K, 1, ...) as one batch of observations."""
+    return assembled({name or ALONE: array[:, 0].copy() for name, array in leaves.items()})
 
 
 def _pick(observations: Any, row: int) -> Any:
