@@ -16,11 +16,11 @@ from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_formats import Rejected
-from smarts.env.casting import check_features
 from smarts.env.hiway import HiWayEnv
 from smarts.errors import OwnCodeError, ScenarioError, SmartsError, shown
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.context import AdapterContext
+from smarts.observations.lists import feature_list
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -68,7 +68,7 @@ def check_entry(
         yield f"acts on observations in {scenario!r} for {driven} steps"
         return
     check_period(agent.period, locator)
-    check_features(agent.observation, f"agent {locator!r}")
+    feature_list(agent.observation)
     with ZooDrive(locator, spec, agent, scenario, seed=seed) as drive:
         drive.reset()
         requests = [request for _ in range(steps) if (request := drive.step()) is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -70,32 +70,28 @@ Wheel = Annotated[int, Plain, Field(ge=0, le=3)]
 Made = TypeVar("Made")
 
 
-def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[Made]]:
-    """Return a decorator that lets a dataclass take, and have, fields under their old names too."""
+def _understanding_old_names(cls: type[Made]) -> type[Made]:
+    """Let a dataclass take, and have, the fields of `OLD_NAMES` under these names too."""
+    construct = cls.__init__
+    known = cls.__dataclass_fields__  # type: ignore[attr-defined]
 
-    def decorate(cls: type[Made]) -> type[Made]:
-        construct = cls.__init__
-        known = cls.__dataclass_fields__  # type: ignore[attr-defined]
+    @functools.wraps(construct)
+    def initialise(self: Made, *values: Any, **named: Any) -> None:
+        fields = {OLD_NAMES.get(name, name): value for name, value in named.items()}
+        # The original takes None for a sensor that is off.
+        fields |= {name: False for name in SENSOR_OPTIONS if name in fields and fields[name] is None}
+        further = {name: fields.pop(name) for name in [*fields] if name in SENSORS and name not in known}
+        if further:
+            fields["further_sensors"] = tuple((dict(fields.get("further_sensors", ())) | further).items())
+        construct(self, *values, **fields)
 
-        @functools.wraps(construct)
-        def initialise(self: Made, *values: Any, **named: Any) -> None:
-            fields = {old_names.get(name, name): value for name, value in named.items()}
-            # The original takes None for a sensor that is off.
-            fields |= {name: False for name in SENSOR_OPTIONS if name in fields and fields[name] is None}
-            further = {name: fields.pop(name) for name in [*fields] if name in SENSORS and name not in known}
-            if further:
-                fields["further_sensors"] = tuple((dict(fields.get("further_sensors", ())) | further).items())
-            construct(self, *values, **fields)
-
-        cls.__init__ = initialise
-        for old, new in old_names.items():
-            setattr(cls, old, property(lambda self, new=new: getattr(self, new)))
-        return cls
-
-    return decorate
+    cls.__init__ = initialise
+    for old, new in OLD_NAMES.items():
+        setattr(cls, old, property(lambda self, new=new: getattr(self, new)))
+    return cls
 
 
-@_understanding(OLD_NAMES)
+@_understanding_old_names
 @checked
 class AgentInterface:
     """How an agent sees and acts. Names, order and defaults of the fields are the original's.

@@ -215,7 +215,7 @@ def _made(part: Part, hosts: HostsByLocator) -> SocialPolicy:
     agent: Any = built_agent(spec, locator)
     is_batch = isinstance(agent, BatchAgent)
     if is_batch:
-        check_features(agent.observation, place)
+        feature_list(agent.observation)
     return SocialPolicy(
         name=part.name,
         locator=locator,
@@ -228,18 +228,6 @@ def _made(part: Part, hosts: HostsByLocator) -> SocialPolicy:
         start=_start(part, agent, hosts),
         host=host_of(hosts, locator),
     )
-
-
-def check_features(observation: Any, place: str) -> None:
-    """Raise unless an agent observes features that exist.
-
-    Raises:
-        SmartsError: One does not, or is given wrong options; names the agent.
-    """
-    try:
-        feature_list(observation)
-    except SmartsError as error:
-        raise _at(place, error) from error
 
 
 def _start(part: Part, agent: Agent, hosts: HostsByLocator) -> Starter | None:
