@@ -12,14 +12,14 @@ from typing import Any, get_type_hints
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from smarts.errors import SmartsError, nearest_names
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.observations import FEATURES
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.registry import guarded, is_own_name
 
 _FILE = Path(__file__).with_name("observations.yaml")
-_KEYS = ("base", "frames", "stacked", "features")
+_KEYS = ("base", "drop", "frames", "stacked", "features")
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,29 @@ class FeatureList:
             features=(*self.features, *map(_choice, features)),
         )
 
+    def without(self, dropped: Sequence[Any]) -> FeatureList:
+        """Return the list without some features.
+
+        Args:
+            dropped: Their names.
+
+        Raises:
+            UnknownNameError: The list has no such feature.
+        """
+        known = [each.name for each in (*self.stacked, *self.features)]
+        for name in dropped:
+            if name not in known:
+                raise UnknownNameError(
+                    f"there is no feature {name!r} to drop",
+                    place="observation",
+                    remedy=nearest_names(str(name), known),
+                )
+        kept = [
+            tuple(each for each in choices if each.name not in dropped)
+            for choices in (self.stacked, self.features)
+        ]
+        return replace(self, stacked=kept[0], features=kept[1])
+
     @property
     def needs_equal_sensors(self) -> bool:
         """Whether agents need the same sensors to be observed together."""
@@ -129,8 +152,8 @@ class FeatureList:
 
 
 Observed = str | FeatureList | Mapping[str, Any] | Sequence[Any]
-"""A name of `observations.yaml`, a `FeatureList`, a dict: {"base": "benchmark", "stacked": ["image"]}, or a
-list of features of the last decision: ["goal", "speed"]."""
+"""A name of `observations.yaml`, a `FeatureList`, a dict: {"base": "benchmark", "drop": ["agent_index"],
+"stacked": ["image"]}, or a list of features of the last decision: ["goal", "speed"]."""
 
 
 def feature_list(given: Observed) -> FeatureList:
@@ -157,6 +180,7 @@ def feature_list(given: Observed) -> FeatureList:
                 f"there is no key {key!r}", place="observation", remedy=nearest_names(str(key), _KEYS)
             )
     base = feature_list(given["base"]) if "base" in given else FeatureList()
+    base = base.without(_sequence(given, "drop"))
     made = base.plus(_sequence(given, "stacked"), _sequence(given, "features"))
     return replace(made, frames=given["frames"]) if "frames" in given else made
 

@@ -31,6 +31,13 @@ def test_an_observation_is_a_name_a_dict_or_a_list():
     assert longer.stacked[-1] == FeatureChoice("image", {"size": 32})
     assert longer.features == feature_list("benchmark").features
     assert feature_list(longer) is longer
+    fewer = feature_list({"base": "benchmark", "drop": ["agent_index", "goal"], "features": ["goal"]})
+    names = [[each.name for each in choices] for choices in (fewer.stacked, fewer.features)]
+    assert names == [
+        ["lane_offset", "speed", "steering", "heading_errors", "neighbors"],
+        ["light", "time_stood", "lane_changes", "arrival_order", "action_mask", "goal"],
+    ]
+    assert fewer.reward == "benchmark"
     assert feature_list(["goal", "speed"]) == feature_list({"features": ["goal", "speed"]})
 
 
@@ -44,6 +51,7 @@ def test_an_observation_is_a_name_a_dict_or_a_list():
         ({"features": [{"goal": 1}]}, "{'goal': 1}"),
         ({"features": ["gaol"]}, "gaol"),
         ({"frames": 0}, "0"),
+        ({"base": "benchmark", "drop": ["agent_indx"]}, "'agent_index'"),
     ],
 )
 def test_what_is_no_observation(given, shown):
