@@ -355,7 +355,7 @@ def _absent_agents(experiment: Experiment) -> Iterator[Fault]:
 
     known = [each.agent for each in environment.social_agents]
     try:
-        for _, name in _places(experiment):
+        for _, name, _ in _places(experiment):
             known += locators_of(read_scenario(name))
     except SmartsError:
         return  # `_scenarios` tells it
@@ -403,7 +403,7 @@ def _scenarios(experiment: Experiment) -> Iterator[Fault]:
     from smarts.sstudio.episodes import check_egos, check_without_handovers
 
     environment = experiment.environment
-    for key, name in _places(experiment):
+    for key, name, traffic in _places(experiment):
         try:
             scenario = read_scenario(name)
             if environment.traffic_step is not None:
@@ -416,14 +416,20 @@ def _scenarios(experiment: Experiment) -> Iterator[Fault]:
         if not known:
             text = f"{name} is no scenario with traffic to choose from"
             yield Fault(key, text, nearest_names(name, suite()))
-        for number, each in enumerate(experiment.traffic if known else ()):
+        for each in traffic if known else ():
             if each not in known:
-                text = f"{name} has no traffic {each!r}"
-                yield Fault(("traffic", number), text, nearest_names(each, known))
+                listed = [*experiment.traffic]
+                place = ("traffic", listed.index(each)) if each in listed else key
+                yield Fault(place, f"{name} has no traffic {each!r}", nearest_names(each, known))
 
 
-def _places(experiment: Experiment) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yield key and name of each scenario."""
+def _places(experiment: Experiment) -> Iterator[tuple[tuple[str | int, ...], str, tuple[str, ...]]]:
+    """Yield key and name of each scenario, and the names of its traffic."""
     for number, task in enumerate(experiment.tasks):
-        for name in task.scenarios:
-            yield ("tasks", number), name
+        for name in task.trained_on:
+            yield ("tasks", number), name, (*experiment.traffic, *task.train_traffic)
+        for name in task.validated_on if task.validation else ():
+            yield ("tasks", number), name, experiment.traffic
+        for each in task.test:
+            for name in each.scenarios:
+                yield ("tasks", number), name, (each.traffic,) if each.traffic else experiment.traffic

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from benchmark.experiment.algorithm_settings import settings_of
 from benchmark.experiment.environment import Environment
@@ -22,37 +23,119 @@ from benchmark.experiment.values import (
     Names,
     Policies,
     Positive,
-    Scenario,
+    Scenarios,
     SearchSpace,
     Seeds,
     distinct,
     name_of,
 )
 from benchmark.experiment.version import versions
-from smarts.config import Section
+from smarts.config import Section, UnfitError
 
 EMPTY_ROADS = "no_social_vehicles"
 """The traffic variation that every scenario of the suite has, with no vehicles but the agents'."""
 
 
-class TrainingTask(Section):
-    """What a policy is trained and tested on: a scenario, or several of them in turns."""
+class ScenarioShare(Section):
+    """Scenarios in equal shares, with the weight of them all."""
+
+    scenarios: Annotated[Scenarios, Field(min_length=1)]
+    """Names, or patterns of names with a *, such as "maps/train-*" or "intersection@three_*"."""
+    weight: Annotated[float, Field(gt=0)] = 1.0
+    """Their share of the episodes, beside the weights of the list's other entries."""
+
+
+class TestCondition(Section):
+    """Scenarios of a test, in equal shares: a row for each policy in the report."""
 
     name: FolderName
-    """Name of its folder and of its column in the report."""
-    scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
-    """Names of the suite or folders, each perhaps with "@variation"."""
-    start_from: Annotated[str, AfterValidator(os.path.abspath)] | None = None
-    """Folder of a run whose last weights trainings begin with, as far as they fit."""
+    """Its name in the report."""
+    scenarios: Annotated[Scenarios, Field(min_length=1)]
+    """As in `train`."""
+    traffic: str | None = None
+    """Name of their traffic variation; null: that of the training."""
 
 
-def _tasks(given: Any) -> Any:
-    """Make tasks of the names of scenarios."""
+def _shares(given: Any) -> Any:
+    """Make entries of the names of scenarios."""
+    if not isinstance(given, list):
+        return given
+    return [{"scenarios": [each]} if isinstance(each, str) else each for each in given]
+
+
+def _named_entries(given: Any) -> Any:
+    """Make tasks, or conditions of a test, of the names of scenarios."""
     if not isinstance(given, list):
         return given
     return [
         {"name": name_of([each]), "scenarios": [each]} if isinstance(each, str) else each for each in given
     ]
+
+
+def _differently_named(entries: tuple[Any, ...]) -> tuple[Any, ...]:
+    distinct(each.name for each in entries)
+    return entries
+
+
+Shares = Annotated[tuple[ScenarioShare, ...], Field(strict=False), BeforeValidator(_shares)]
+Conditions = Annotated[
+    tuple[TestCondition, ...],
+    Field(strict=False),
+    BeforeValidator(_named_entries),
+    AfterValidator(_differently_named),
+]
+
+
+class TrainingTask(Section):
+    """What a policy is trained and tested on: a scenario, or several of them."""
+
+    name: FolderName
+    """Name of its folder and of its column in the report."""
+    scenarios: Scenarios = ()
+    """Names of the suite or folders, each perhaps with "@variation", in equal shares."""
+    train: Shares = ()
+    """In place of `scenarios`: names, or {scenarios: [...], weight: 3}. Every episode draws one by weight."""
+    validation: Shares = ()
+    """What validations play, as `train`; by default what is trained on."""
+    test: Conditions = ()
+    """What tests play: names, or {name: ..., scenarios: [...], traffic: ...}, each of them
+    `evaluation.episodes` episodes on maps that are in no training; by default what is trained on."""
+    train_traffic: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Traffic variations that each episode of a training draws one of; by default that of the run, on which
+    validations and tests are."""
+    start_from: Annotated[str, AfterValidator(os.path.abspath)] | None = None
+    """Folder of a run whose last weights trainings begin with, as far as they fit."""
+
+    @model_validator(mode="after")
+    def _trains(self) -> Self:
+        if bool(self.scenarios) == bool(self.train):
+            raise UnfitError("a task needs scenarios or train, and not both", "give a list of scenarios")
+        return self
+
+    @property
+    def trained_on(self) -> dict[str, float]:
+        """Scenarios of the training, and the weight of each."""
+        return _weights(self.train) or dict.fromkeys(self.scenarios, 1.0)
+
+    @property
+    def validated_on(self) -> dict[str, float]:
+        """Scenarios of validations, and the weight of each."""
+        return _weights(self.validation) or self.trained_on
+
+    @property
+    def names(self) -> list[str]:
+        """All scenarios of the task, each once."""
+        tested = [name for each in self.test for name in each.scenarios]
+        return [*dict.fromkeys([*self.trained_on, *self.validated_on, *tested])]
+
+
+def _weights(shares: Sequence[ScenarioShare]) -> dict[str, float]:
+    """Return scenarios and the weight of each; one that is in several entries has the sum."""
+    found: dict[str, float] = {}
+    for each in shares:
+        for name in each.scenarios:
+            found[name] = found.get(name, 0.0) + each.weight / len(each.scenarios)
+    return found
 
 
 def _known_version(version: int) -> int:
@@ -61,13 +144,8 @@ def _known_version(version: int) -> int:
     return version
 
 
-def _differently_named(tasks: tuple[TrainingTask, ...]) -> tuple[TrainingTask, ...]:
-    distinct(task.name for task in tasks)
-    return tasks
-
-
 Tasks = Annotated[
-    tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
+    tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_named_entries), AfterValidator(_differently_named)
 ]
 
 
@@ -172,7 +250,8 @@ class Experiment(Section):
     algorithms: Algorithms = ()
     """Names, as `smarts-bench algorithms` lists them, or module:Class of an own algorithm's config."""
     tasks: Tasks = ()
-    """What is driven: a scenario's name, or {name: ..., scenarios: [...]} for one policy on several."""
+    """What is driven: a scenario's name, or {name: ..., scenarios: [...]} for one policy on several, or with
+    lists of their own for training, validation and test."""
     traffic: Names = (EMPTY_ROADS, "random_social_vehicles")
     """Names of the scenarios' traffic variations: each is trained and tested on by itself."""
     seeds: Seeds = (1, 2, 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
@@ -27,6 +27,9 @@ SCRIPTED_SEED = -1
 """Training seed in the tables of policies that were not trained."""
 VERSION = "benchmark_version"
 """Key of a run's content: version of the benchmark; absent for none."""
+WEIGHTS, TRAIN_TRAFFIC, VALIDATION = "weights", "train_traffic", "validation"
+"""Keys of a run's content: weight of each of its scenarios; traffic of the training; scenarios of validations
+-> weight. Absent where the task gives no such list."""
 START = "start_from"
 """Key of a run's content: folder of the run with whose weights it begins; absent for none. Where it is known,
 `STARTED_FROM` is compared instead."""
@@ -70,6 +73,7 @@ class TaskSetting:
             "episodes": evaluation.episodes,
             "modes": list(evaluation.modes),
             "held_out_episodes": evaluation.held_out_episodes,
+            **({"test": [each.model_dump(mode="json") for each in self.task.test]} if self.task.test else {}),
         }
         if self.metrics is None:
             return content
@@ -83,7 +87,10 @@ class TaskSetting:
         """
         environment = self.environment.content()
         return {
-            "scenarios": list(self.task.scenarios),
+            "scenarios": list(self.task.trained_on),
+            **({WEIGHTS: list(self.task.trained_on.values())} if self.task.train else {}),
+            **({TRAIN_TRAFFIC: list(self.task.train_traffic)} if self.task.train_traffic else {}),
+            **({VALIDATION: self.task.validated_on} if self.task.validation else {}),
             "traffic": self.traffic,
             "environment": environment,
             **({"imports": list(self.imports)} if self.imports else {}),
@@ -146,15 +153,11 @@ def run_from(content: Mapping[str, Any]) -> Run:
         ValueError: It is not such a content.
     """
     try:
-        scenarios = tuple(content["scenarios"])
         evaluation = fitted({key: content[key] for key in ("validations", "validation_episodes")}, Evaluation)
         return Run(
             content["algorithm"],
             TaskSetting(
-                fitted(
-                    {"name": name_of(scenarios), "scenarios": [*scenarios], START: content.get(START)},
-                    TrainingTask,
-                ),
+                _task_of(content),
                 content["traffic"],
                 fitted(content["environment"], Environment),
                 evaluation,
@@ -169,6 +172,20 @@ def run_from(content: Mapping[str, Any]) -> Run:
         )
     except (KeyError, TypeError, ValueError, ConfigError) as error:
         raise ValueError(f"not the content of a run: {error}") from error
+
+
+def _task_of(content: Mapping[str, Any]) -> TrainingTask:
+    """Return the task of a `Run.content()`, without the conditions of its test."""
+    scenarios = content["scenarios"]
+    task: dict[str, Any] = {"name": name_of(scenarios[:3]), START: content.get(START)}
+    task |= {"train": _entries(zip(scenarios, content[WEIGHTS], strict=True))} if WEIGHTS in content else {}
+    task |= {} if WEIGHTS in content else {"scenarios": [*scenarios]}
+    task[TRAIN_TRAFFIC] = content.get(TRAIN_TRAFFIC, [])
+    return fitted(task | {VALIDATION: _entries(content.get(VALIDATION, {}).items())}, TrainingTask)
+
+
+def _entries(weights: Iterable[tuple[str, float]]) -> list[dict[str, Any]]:
+    return [{"scenarios": [name], "weight": weight} for name, weight in weights]
 
 
 @dataclass(frozen=True)

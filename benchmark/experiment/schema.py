@@ -30,6 +30,9 @@ def schema() -> dict[str, Any]:
     }
     # A task may be the name of its scenario, and a file that extends another need not say everything.
     properties["tasks"]["items"] = {"anyOf": [{"type": "string"}, properties["tasks"]["items"]]}
+    task = found["$defs"]["TrainingTask"]["properties"]
+    for name in ("train", "validation", "test"):
+        task[name]["items"] = {"anyOf": [{"type": "string"}, task[name]["items"]]}
     properties["algorithms"]["items"] = _names(ALGORITHMS)
     properties["scripted"]["items"] = _names(SCRIPTED_POLICIES)
     properties["metrics"]["anyOf"][0]["items"] = _names(METRICS)

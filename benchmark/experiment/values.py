@@ -8,13 +8,13 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.loggers import LOGGERS
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import UnfitError
-from smarts.errors import nearest_names
+from smarts.errors import SmartsError, nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
 from smarts.types.actions import ActionSpaceType
@@ -70,6 +70,20 @@ def _scenario(name: str, info: ValidationInfo) -> str:
     return resolved(name)
 
 
+def _matched(given: Any) -> Any:
+    """Return a list of names with each pattern replaced by the scenarios that it stands for."""
+    if not isinstance(given, list) or not any(isinstance(each, str) and "*" in each for each in given):
+        return given
+    from smarts.sstudio.build import (
+        matching,
+    )  # here: most files have no patterns, and reports need no builder
+
+    try:
+        return [name for each in given for name in (matching(each) if isinstance(each, str) else [each])]
+    except SmartsError as error:
+        raise UnfitError(f"{error.place}: {error.problem}", error.remedy) from error
+
+
 def distinct(values: Iterable[Any]) -> Any:
     """Return values as a tuple, or raise if one of them is there twice."""
     values = tuple(values)
@@ -88,6 +102,7 @@ Algorithm = Annotated[str, _named("algorithm", ALGORITHMS)]
 Policy = Annotated[str, _named("scripted policy", SCRIPTED_POLICIES)]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
+Scenarios = Annotated[tuple[Scenario, ...], Field(strict=False), BeforeValidator(_matched)]
 Gpus = Annotated[float, Field(ge=0)]
 Engine = Annotated[str, _named("traffic engine", TRAFFIC_ENGINES)]
 

@@ -60,7 +60,13 @@ def report_text(
     for kind in KINDS:
         if kind.name in there:
             parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.svg)", note_of(kind, report)]
-    parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
+    parts += [
+        _by_condition(report),
+        "## All metrics",
+        *_metrics(report),
+        "## Generalization",
+        _generalization(report),
+    ]
     if robustness.is_there:
         parts += [f"## {TITLE}", *_robustness(robustness)]
     if links:
@@ -133,6 +139,11 @@ def _metrics(report: Report) -> list[str]:
         parts.append(table(["Metric", *(row.label for row in own)], lines))
     parts.append("\n".join(f"{number}. {note}" for number, note in enumerate(notes, start=1)))
     return parts
+
+
+def _by_condition(report: Report) -> str:
+    rows = tables.condition_rows(report)
+    return f"## By condition\n\n{table([*tables.CONDITION_COLUMNS], rows, left=5)}" if rows else ""
 
 
 def _entry(entry: tables.MetricCell | None) -> str:

@@ -12,8 +12,10 @@ from benchmark.metrics import METRICS
 from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.values import p_text
+from benchmark.report.ranking import RANKED_BY
+from benchmark.report.values import by_key, measure_conditions, p_text
 from benchmark.report.wording import left_out, pairs_notes
+from benchmark.results.reading import CONDITION
 
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -26,6 +28,17 @@ GENERALIZATION_COLUMNS = {
     "completion, held out": "Completion rate on the worst held-out variation",
     "no collision, trained": "1 - collision rate on unseen seeds of the training's variations",
     "no collision, held out": "1 - collision rate on the worst held-out variation",
+}
+CONDITION_COLUMNS = {
+    "algorithm": "Or scripted policy",
+    "task": "What is driven",
+    "traffic": "Social vehicles in training",
+    "mode": "Action selection",
+    "played": "Condition of the test, or scenario",
+    "completion": "Completion rate",
+    "collision": "Collision rate",
+    "agent-episodes": "Of all training seeds",
+    "note": "Why figures must not be averaged or compared",
 }
 DIFFERENCE_COLUMNS = {
     "task": "What is driven",
@@ -132,6 +145,29 @@ def generalization_rows(report: Report) -> list[list[str]]:
                 *raw,
             ]
         )
+    return rows
+
+
+def condition_rows(report: Report) -> list[list[str]]:
+    """Return a row for each policy and condition of a test, or scenario, of tasks that play several."""
+    rows, table = [], report.results.table
+    tested = table[table["split"] == "train"]
+    for task, traffic in report.columns:
+        own = tested[(tested["task"] == task) & (tested["task_traffic"] == traffic)]
+        marks = own["variation"].where(own["variation"] == "", "@" + own["variation"])
+        played = own["scenario"].str.cat(marks)
+        if CONDITION in own:
+            played = own[CONDITION].fillna(played)
+        values = (
+            by_key(measure_conditions(own.assign(task=played), RANKED_BY)) if played.nunique() > 1 else {}
+        )
+        for name, place, _, mode, metric in values:
+            if metric == RANKED_BY[0]:
+                rates = [values[name, place, traffic, mode, each] for each in RANKED_BY]
+                names = [algorithm_label(name), task_label(task), traffic_label(traffic), mode, place]
+                figures = [f"{rate.text} {rate.interval}".strip() for rate in rates]
+                mark = report.marks.get((name, task, traffic), "")
+                rows.append([*names, *figures, str(rates[0].n), mark])
     return rows
 
 

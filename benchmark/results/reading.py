@@ -97,6 +97,8 @@ LABELS = {
     *START,
 }
 """Columns that every table of a run has."""
+CONDITION = "condition"
+"""Column of tables of tests with several: name of the condition in the task's `test`."""
 Names = tuple[str, str, str, int]
 """Names of a run: algorithm or policy, task, traffic, training seed."""
 TESTED_AGAIN = "remove it, and the same `run` command tests the run again if its checkpoint is there"

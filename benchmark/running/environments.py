@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ def environment(
     task_setting: TaskSetting,
     *,
     num_envs: int | None = None,
-    scenarios: Sequence[str] = (),
+    scenarios: Mapping[str, float] | None = None,
     record: Path | None = None,
     discount: float | None = None,
     max_episode_steps: int | None = None,
@@ -42,7 +42,7 @@ def environment(
     Args:
         task_setting: What is played.
         num_envs: Simulations side by side, by default the task setting's.
-        scenarios: Others than the task setting's, such as held-out variations.
+        scenarios: Others than those of the task setting's training, and the weight of each.
         record: Folder that episodes are written to.
         discount: Discount of the learner, with which shaped rewards agree; by default that of the weights.
         max_episode_steps: Time limit of each agent, instead of the task setting's.
@@ -55,19 +55,20 @@ def environment(
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.
     """
-    given = task_setting.environment
+    given, shares = task_setting.environment, scenarios or task_setting.task.trained_on
     import_own(task_setting.imports)
     reward = given.reward
     if reward is None and observation is not None:
         reward = feature_list(given.observation).reward
     if max_episode_steps is None:
         max_episode_steps = MAX_STEPS if given.time_limit is None else max(1, round(given.time_limit / DT))
+    traffic = (is_training and task_setting.task.train_traffic) or (task_setting.traffic,)
     driving, engine = given.driving(), given.traffic_engine
     if is_training and given.training_traffic == "native":
         driving, engine = {name: _without_bullet(each) for name, each in driving.items()}, "Native"
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
-        list(scenarios or task_setting.task.scenarios),
+        [*shares],
         agents={
             name: interface_of(each).replace(max_episode_steps=max_episode_steps)
             for name, each in driving.items()
@@ -85,8 +86,9 @@ def environment(
             action_latency=given.action_latency,
             traffic_engine=engine,
             traffic_step=given.traffic_step if is_training else None,
+            weights=tuple(shares.values()) if len(shares) > 1 else (),
         ),
-        traffic=[task_setting.traffic],
+        traffic=traffic,
         social_agents=[each.model_dump() for each in given.social_agents],
         hosts=given_hosts(given.hosts),
         learn_in_bubbles=given.learn_in_bubbles,

@@ -337,7 +337,7 @@ def evaluate_checkpoint(
     changes = _changes(agents, engine)
     asked["environment"] = fitted(environment.model_dump() | changes, Environment, str(path))
     run = replace(trained, task_setting=replace(trained.task_setting, **asked))
-    for scenario in run.task_setting.task.scenarios:
+    for scenario in run.task_setting.task.trained_on:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
             run.task_setting.environment.mission_count
         )

@@ -14,7 +14,7 @@ from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import check_whole, read_experiment
 from benchmark.experiment.environment import Environment
-from benchmark.experiment.models import Experiment
+from benchmark.experiment.models import Experiment, TrainingTask
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import task_settings_of
 from benchmark.experiment.version import differences
@@ -37,6 +37,7 @@ from smarts.providers.native.demand import Built
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.cache import file_hash
 from smarts.types.agent_states import agent_names
 
 
@@ -74,8 +75,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         check_scenarios(scheduler, scenarios)
         for state in scheduler.states:
             setting = state.job.task_setting
-            held_out = len(scenarios[str(setting)]) - len(setting.task.scenarios)
-            state.episodes = episodes_of(state.job, held_out)
+            state.episodes = episodes_of(state.job, len([*held_out_of(setting)]))
         keep_command(root, experiment, command())
         if scheduler.is_done:
             return _summarize(scheduler.states, root)
@@ -116,19 +116,46 @@ def check_task_settings(experiment: Experiment) -> None:
         SmartsError: The first scenario that does not.
     """
     for task_setting in task_settings_of(experiment):
-        egos = task_setting.environment.mission_count
-        scenarios = [
-            build_scenario(scenario, egos=egos).with_traffic([task_setting.traffic])
-            for scenario in task_setting.task.scenarios
-        ]
-        for built in scenarios:
+        egos, task = task_setting.environment.mission_count, task_setting.task
+        trained = [(name, each) for name in task.trained_on for each in task.train_traffic or (None,)]
+        others = [(name, None) for name in task.validated_on]
+        others += [(name, each.traffic) for each in task.test for name in each.scenarios]
+        scenarios = []
+        for name, other in trained + others:
+            traffic = other or task_setting.traffic
+            built = build_scenario(name, egos=egos).with_traffic([traffic])
             built.episodes(egos)
-            if task_setting.environment.training_traffic:
-                Built([built.roads()], DT).add(0, built.traffic_files(task_setting.traffic))
-        check_social(task_setting.environment, scenarios)
+            scenarios.append(built)
+            if task_setting.environment.training_traffic and (name, other) in trained:
+                Built([built.roads()], DT).add(0, built.traffic_files(traffic))
+        check_unseen(task)
+        check_social(task_setting.environment, list({built.name: built for built in scenarios}.values()))
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training
     _check_spaces(experiment)
+
+
+def check_unseen(task: TrainingTask) -> None:
+    """Raise if the map of a test is one of the training's or of the validations', by whatever name.
+
+    Raises:
+        SmartsError: The first such test; the error names both.
+    """
+    known = {_net_of(name): name for name in (*task.validated_on, *task.trained_on)}
+    for condition in task.test:
+        for name in condition.scenarios:
+            if seen := known.get(_net_of(name)):
+                use = "training" if seen in task.trained_on else "validation"
+                raise SmartsError(
+                    f"the test {condition.name!r} plays {name!r}, whose map is in {use} as {seen!r}",
+                    place=f"task {task.name!r}",
+                    remedy="leave it out of one of the two",
+                )
+
+
+def _net_of(scenario: str) -> str | None:
+    """Return a digest of a scenario's compiled map."""
+    return file_hash(build_scenario(scenario).net_file)
 
 
 def check_version(experiment: Experiment) -> None:
@@ -142,9 +169,9 @@ def check_version(experiment: Experiment) -> None:
     if version is None:
         return
     for number, task in enumerate(experiment.tasks):
-        if task.scenarios != (task.name,):
+        if task.names != [task.name]:
             raise SmartsError(
-                f"task {task.name!r} plays {', '.join(task.scenarios)}; in a benchmark version, it plays one "
+                f"task {task.name!r} plays {', '.join(task.names)}; in a benchmark version, it plays one "
                 "scenario, which has its name",
                 place=f"tasks[{number}]",
                 remedy="name the scenario alone, or set benchmark_version: null",

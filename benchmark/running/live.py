@@ -171,6 +171,7 @@ def episodes_of(job: Job, variations: int) -> int:
     """
     evaluation = job.task_setting.evaluation
     modes = len(evaluation.modes) if isinstance(job, Run) else 1
+    modes *= max(1, len(job.task_setting.task.test))
     return evaluation.episodes * modes + evaluation.held_out_episodes * variations
 
 

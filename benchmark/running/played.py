@@ -22,7 +22,7 @@ def held_out_of(task_setting: TaskSetting) -> Iterator[str]:
     """
     if not task_setting.evaluation.held_out_episodes:
         return
-    for scenario in task_setting.task.scenarios:
+    for scenario in task_setting.task.trained_on:
         trained_on = build_scenario(scenario)
         for variation in trained_on.held_out:
             name = f"{scenario}@{variation}"
@@ -33,11 +33,21 @@ def held_out_of(task_setting: TaskSetting) -> Iterator[str]:
 def scenario_digests(task_setting: TaskSetting) -> dict[str, str]:
     """Return a digest of each scenario that a task setting is trained and tested on, those held out too.
 
+    Other traffic than that of the run stands behind the scenario's name.
+
     Raises:
         SmartsError: One cannot be built or played.
     """
-    names = [*task_setting.task.scenarios, *held_out_of(task_setting)]
-    return {name: digest_of(build_scenario(name), task_setting) for name in names}
+    task = task_setting.task
+    names = dict.fromkeys([*task.trained_on, *task.validated_on, *held_out_of(task_setting)])
+    found = {name: digest_of(build_scenario(name), task_setting) for name in names}
+    others = [(each.scenarios, each.traffic) for each in task.test]
+    others += [(tuple(task.trained_on), traffic) for traffic in task.train_traffic]
+    for scenarios, traffic in others:
+        played = replace(task_setting, traffic=traffic or task_setting.traffic)
+        mark = "" if played.traffic == task_setting.traffic else f", {played.traffic}"
+        found |= {f"{name}{mark}": digest_of(build_scenario(name), played) for name in scenarios}
+    return found
 
 
 def scenarios_by_traffic(experiment: Experiment) -> dict[str, dict[str, str]]:

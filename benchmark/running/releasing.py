@@ -140,7 +140,7 @@ def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Pat
     return Entry(
         algorithm=run.algorithm,
         task=run.task,
-        scenarios=[*run_from(RunFolder(path).read_config()).task_setting.task.scenarios],
+        scenarios=[*run_from(RunFolder(path).read_config()).task_setting.task.trained_on],
         traffic=run.traffic,
         seed=run.seed,
         benchmark_version=run.benchmark_version,

@@ -155,7 +155,7 @@ def _zoo() -> Iterator[Path]:
 def _scenarios(experiment: Experiment) -> Iterator[tuple[Location, Path | None]]:
     """Yield where scenarios and held-out variations are, and their artefacts if these are beside them."""
     for setting in task_settings_of(experiment):
-        for name in [*setting.task.scenarios, *held_out_of(setting)]:
+        for name in [*setting.task.names, *held_out_of(setting)]:
             location, artefacts = locate(name), build_scenario(name).directory
             yield location, artefacts if artefacts.parent == location.directory / BUILD else None
 

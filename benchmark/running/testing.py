@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun,
 from benchmark.metrics import join_tables, measure_episodes, read_table, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, files_in
+from benchmark.results.reading import CONDITION
 from benchmark.results.run_folder import EPISODES, FINISHED, SCENARIOS, TABLE, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
@@ -36,6 +37,9 @@ EVALUATION_SEED = 42
 ENGINE = "engine"
 """Attribute of tables of `read_test`: the mark of tests on another engine than SUMO."""
 
+MOST_NAMED = 4
+"""Most scenarios whose names are in that of a folder of recorded episodes."""
+
 ROUNDS = 5
 """Maximum number of rounds of a part; each later round replaces invalid episodes."""
 
@@ -46,24 +50,35 @@ class Part:
 
     mode: str
     """Action selection: "greedy" or "sampled"; `SCRIPTED` for a scripted policy."""
-    scenarios: tuple[str, ...]
+    scenarios: Mapping[str, float]
+    """Scenarios, and the weight of each."""
     episodes: int
     split: str = "train"
-    """"train" or "held_out"."""
+    """"train", as all conditions of a test are, or "held_out"."""
+    condition: str = ""
+    """Name of the condition, if the task gives its tests any."""
+    traffic: str | None = None
+    """Traffic variation of the condition; None: that of the training."""
 
     @property
     def name(self) -> str:
         """Name of the part's folder."""
-        return f"{self.mode}-{'-'.join(Path(each).name for each in self.scenarios)}"
+        names = [*self.scenarios]
+        many = f"{len(names)}-scenarios" if len(names) > MOST_NAMED else "-".join(Path(x).name for x in names)
+        return f"{self.mode}-{self.condition or many}"
 
 
 def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part]:
     """Yield the parts of a task setting's test: each mode, then the held-out variations in the first one."""
     evaluation = task_setting.evaluation
     for mode in modes:
-        yield Part(mode, task_setting.task.scenarios, evaluation.episodes)
+        for each in task_setting.task.test:
+            scenarios = dict.fromkeys(each.scenarios, 1.0)
+            yield Part(mode, scenarios, evaluation.episodes, condition=each.name, traffic=each.traffic)
+        if not task_setting.task.test:
+            yield Part(mode, task_setting.task.trained_on, evaluation.episodes)
     for scenario in held_out_of(task_setting):
-        yield Part(modes[0], (scenario,), evaluation.held_out_episodes, split="held_out")
+        yield Part(modes[0], {scenario: 1.0}, evaluation.held_out_episodes, split="held_out")
 
 
 def play_test(
@@ -145,7 +160,8 @@ def play_parts(
     """
 
     def play_part(part: Part, indices: range, record: Path) -> None:
-        with closing(environment(task_setting, scenarios=part.scenarios, record=record, **options)) as env:
+        played = replace(task_setting, traffic=part.traffic or task_setting.traffic)
+        with closing(environment(played, scenarios=part.scenarios, record=record, **options)) as env:
             play(env, indices, part.mode)
 
     parts = [*parts_of(task_setting, modes)]
@@ -156,6 +172,7 @@ def play_parts(
             "task": task_setting.task.name,
             "task_traffic": task_setting.traffic,
             "mode": part.mode,
+            **({CONDITION: part.condition} if part.condition else {}),
         }
         tables += measure_part(part, folder.episodes, labels, play_part, task_setting)
         yield (number + 1) / len(parts)

@@ -351,7 +351,8 @@ class Training:
 
     def _environment(self) -> Any:
         run = self._run
-        return environment(run.task_setting, discount=self._algo.config.gamma, policy=run.label)
+        given = {"scenarios": run.task_setting.task.validated_on, "discount": self._algo.config.gamma}
+        return environment(run.task_setting, **given, policy=run.label)
 
     def _validate(self) -> Mapping[str, float]:
         """Play the validation episodes, and note whether the policy is the best so far."""

@@ -7,6 +7,8 @@ folder. So a changed comment runs the scenario file again but writes nothing.
 
 from __future__ import annotations
 
+import fnmatch
+import glob
 import json
 import logging
 import os
@@ -28,7 +30,7 @@ from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import check_egos
 from smarts.sstudio.executing import Description, run_scenario_file
-from smarts.sstudio.locating import SCRIPT, Location, locate, suite
+from smarts.sstudio.locating import SCRIPT, VARIATION_MARK, Location, locate, suite
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
@@ -36,7 +38,7 @@ from smarts.sstudio.sstypes.scenario import Scenario, Variation
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.types.streams import check_seed
 
-__all__ = ["build_described", "build_scenario", "suite"]
+__all__ = ["build_described", "build_scenario", "matching", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
@@ -73,6 +75,23 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         check_egos(built.scenario.ego_missions or (), egos, location.label)
         _warn(_place(location), built.warnings)
         return built
+
+
+def matching(pattern: str) -> list[str]:
+    """Return the scenarios that a pattern stands for: "maps/train-*", "*_v1", "intersection@three_*".
+
+    These are scenarios of the suite, or else folders; behind an "@", held-out variations of a scenario, which
+    is built. Any other name stands for itself, as does a pattern that fits nothing.
+
+    Raises:
+        SmartsError: A scenario whose variations are asked for cannot be built.
+    """
+    base, mark, variation = pattern.partition(VARIATION_MARK)
+    if mark and glob.has_magic(variation):
+        found = [f"{base}{mark}{each}" for each in fnmatch.filter(build_scenario(base).held_out, variation)]
+    else:
+        found = fnmatch.filter(suite(), pattern) or sorted(glob.glob(pattern))
+    return found if found and glob.has_magic(pattern) else [pattern]
 
 
 def read_scenario(path: str | Path) -> Scenario:

@@ -9,9 +9,13 @@ import pytest
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
+from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
+from benchmark.running.experiment import check_unseen
+from benchmark.running.testing import parts_of
 from smarts.config import ConfigError
+from smarts.errors import SmartsError
+from tests.raising import raises
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -54,6 +58,51 @@ def test_every_algorithm_x_task_x_traffic_x_seed_is_a_run(write):
     }
     assert [cell.task.scenarios for cell in task_settings_of(experiment)][:2] == [("loop",), ("loop", "city")]
     assert len(scripted_runs_of(experiment)) == 4
+
+
+LISTS = """
+algorithms: [ppo]
+environment: {agents: 2}
+traffic: [random_social_vehicles]
+tasks:
+- name: streets
+  train: [{scenarios: ["*_v1"], weight: 3}, "intersection@mirr*"]
+  train_traffic: [no_social_vehicles, random_social_vehicles]
+  validation: [city]
+  test:
+  - roundabout
+  - {name: empty, scenarios: [overtaking, u_turn], traffic: no_social_vehicles}
+"""
+
+
+def test_a_task_has_lists_for_training_validation_and_test(write):
+    (run,) = [run for run in runs_of(read_experiment(write(LISTS), ["seeds=[1]"]))]
+    task = run.task_setting.task
+    assert task.trained_on == dict.fromkeys(
+        ("two_way_v1", "double_merge_v1", "intersection_v1", "intersection@mirrored"), 1.0
+    )
+    assert task.validated_on == {"city": 1}
+    again = run_from(run.content())
+    assert again.task_setting.task.trained_on == task.trained_on
+    assert again.content() == run.content()
+    parts = [*parts_of(run.task_setting, ("greedy", "sampled"))]
+    assert [(part.name, [*part.scenarios], part.traffic) for part in parts[:2]] == [
+        ("greedy-roundabout", ["roundabout"], None),
+        ("greedy-empty", ["overtaking", "u_turn"], "no_social_vehicles"),
+    ]
+    assert [part.mode for part in parts] == ["greedy"] * 2 + ["sampled"] * 2
+    assert len(said(write(LISTS + "  scenarios: [loop]")).splitlines()) == 1
+
+
+@pytest.mark.parametrize("tested", ["intersection@left_turns", "intersection_v1"])
+def test_a_test_on_a_map_of_the_training_is_refused(write, tested):
+    text = (
+        f"tasks: [{{name: mine, train: [intersection], test: [roundabout, '{tested}']}}]\nscripted: [parked]"
+    )
+    (task,) = read_experiment(write(text)).tasks
+    with raises(SmartsError, "task 'mine'", values=[tested, "'intersection'", "training"]):
+        check_unseen(task)
+    check_unseen(task.model_copy(update={"test": task.test[:1]}))
 
 
 CELLS = """

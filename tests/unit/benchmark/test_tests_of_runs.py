@@ -35,7 +35,7 @@ def measured(folder, episodes, *, invalid=(), missing=(), cut=(), keep=False):
             if number not in missing:
                 record(store, ROAD, [drive], name=f"w{number}", world=FIRST + number, **facts)
 
-    part = Part("greedy", ("hand_made",), episodes)
+    part = Part("greedy", {"hand_made": 1.0}, episodes)
     task = TrainingTask(name="hand_made", scenarios=("loop",))
     cell = TaskSetting(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
     return join_tables([*measure_part(part, folder, {}, play, cell)]), rounds
@@ -102,3 +102,19 @@ def test_a_scripted_policy_gets_the_observation_that_it_reads(tmp_path):
         tables.append(read_table(folder.table))
     assert len(tables[0]) == 2
     pd.testing.assert_frame_equal(*tables)
+
+
+def test_a_report_shows_each_condition_of_a_test(tmp_path):
+    ends = {"unseen": [["goal"], ["goal"], ["collision"], ["goal"]], "dense": [["collision"], ["goal"]]}
+    tables = [agent_episodes(each, mode="greedy", condition=name) for name, each in ends.items()]
+    write_run(tmp_path, "ppo", tables)
+    text = write_report(tmp_path).with_suffix(".md").read_text()
+    rows = [
+        line.split(" | ") for line in text.partition("## By condition")[2].splitlines() if "greedy" in line
+    ]
+    figures = {row[4]: (row[5].split()[0], row[6].split()[0], row[7]) for row in rows[:2]}
+    assert figures == {"unseen": ("0.75", "0.25", "4"), "dense": ("0.50", "0.50", "2")}
+    assert "By condition" in write_report(tmp_path).read_text()
+    # Of one scenario alone, there is nothing to tell apart.
+    write_run(tmp_path / "one", "ppo", [agent_episodes([["goal"]], mode="greedy")])
+    assert "By condition" not in write_report(tmp_path / "one").read_text()
