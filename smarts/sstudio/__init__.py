@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from smarts.sstudio.genscenario import (
     gen_agent_missions,
     gen_bubbles,
+    gen_family,
     gen_friction_map,
     gen_group_laps,
     gen_metadata,
@@ -27,6 +28,7 @@ __all__ = [
     "build_scenario",
     "gen_agent_missions",
     "gen_bubbles",
+    "gen_family",
     "gen_friction_map",
     "gen_group_laps",
     "gen_metadata",

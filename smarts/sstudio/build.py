@@ -12,6 +12,7 @@ import glob
 import json
 import logging
 import os
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from smarts.errors import MapError, ScenarioError, nearest_names
-from smarts.roads.sources import MapSource, find_map_source
+from smarts.roads.sources import MAP_STEM, MapSource, find_map_source
 from smarts.sstudio.artefacts import write_artefacts
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.cache import BuildCache, file_hash
@@ -105,8 +106,8 @@ def read_scenario(path: str | Path) -> Scenario:
     if built is not None:
         return built.scenario
     described = _describe(location, None).scenario
-    find_map_source(location.directory, described.map_spec and described.map_spec.source)
-    return described
+    with _map_source(location.directory, described.map_spec):
+        return described
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -160,27 +161,46 @@ def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScen
     if files != _hashes(location.directory, files):
         return None
     try:
-        source = find_map_source(location.directory, entry["map"])
+        source = find_map_source(location.directory, entry["map"]) if "map" in entry else None
     except MapError:
         return None  # found again, and reported, by the build
-    if not set(_relative(location.directory, source.files)) <= set(files):
+    if source is not None and not set(_relative(location.directory, source.files)) <= set(files):
         return None
     return BuiltScenario(location.label, location.directory, artefacts)
 
 
 def _build(location: Location, description: Description, inputs: str | None = None) -> BuiltScenario:
     """Build a scenario found by its inputs; without any it was handed over by hand, and is remembered."""
+    with _map_source(location.directory, description.scenario.map_spec) as source:
+        return _build_on(source, location, description, inputs)
+
+
+@contextmanager
+def _map_source(directory: Path, spec: MapSpec | None) -> Iterator[MapSource]:
+    """Provide the files of a scenario's map: its own ones, or its texts in a temporary folder."""
+    if spec is None or spec.plain is None:
+        yield find_map_source(directory, spec and spec.source)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, text in spec.plain.items():
+            Path(folder, f"{MAP_STEM}.{kind}.xml").write_text(text, encoding="utf-8")
+        yield find_map_source(Path(folder))
+
+
+def _build_on(
+    source: MapSource, location: Location, description: Description, inputs: str | None
+) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
-    map_name = None if spec is None else spec.source
-    source = find_map_source(directory, map_name)
     map_key = _fingerprint_map(source)
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
     traffic_files = _hashes(directory, _sumo_files(description.scenario))
     key = digest([json.dumps(content), map_key, description.seed, _toolchain(), traffic_files], size=8)
-    entry = {"key": key, "map": map_name}
-    entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.files)))
-    entry["files"] |= traffic_files
+    entry: dict[str, Any] = {"key": key}
+    entry["files"] = _hashes(directory, _relative(directory, description.files)) | traffic_files
+    if spec is None or spec.plain is None:
+        entry["map"] = spec and spec.source
+        entry["files"] |= _hashes(directory, _relative(directory, source.files))
     cache = BuildCache.writable(location.builds)
     with cache.lock():
         if cache.artefacts(key) is None:
@@ -207,7 +227,7 @@ def _describe(location: Location, seed: int | None) -> Description:
     description = _described_base(location, DEFAULT_SEED if seed is None else seed)
     scenario = _portable(description.scenario, location)
     description = replace(description, scenario=scenario)
-    if location.variation is None:
+    if location.variation is None or description.is_wanted:
         return description if seed is None else _seeded(description, seed)
     held_out = scenario.held_out or {}
     if location.variation not in held_out:
@@ -229,7 +249,7 @@ def _seeded(description: Description, seed: int) -> Description:
 
 def _described_base(location: Location, seed: int) -> Description:
     if location.script is not None:
-        return run_scenario_file(location.script, seed)
+        return run_scenario_file(location.script, seed, location.variation)
     if location.map_file is not None:
         return Description(Scenario(map_spec=MapSpec(location.map_file)), seed)
     for root in location.builds:
@@ -266,6 +286,7 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
     checks.named(scenario.held_out, Variation, "held_out")
     if scenario.map_spec is not None:
         checks.type(scenario.map_spec, MapSpec, "map_spec")
+        checks.named(scenario.map_spec.plain, str, "map_spec.plain")
     histories = tuple(
         replace(history, input_path=_from_folder(history.input_path, directory))
         if isinstance(history, TrafficHistoryDataset)

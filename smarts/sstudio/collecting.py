@@ -23,6 +23,10 @@ class Collection:
     """The seed that the file names, if any."""
     is_whole: bool = False
     """Whether the file has handed over a whole scenario."""
+    wanted: str | None = None
+    """The variation that is being built, if any."""
+    is_wanted: bool = False
+    """Whether `scenario` is that variation already, as it is of a family of maps."""
 
     def add(self, part: Scenario, seed: int | None, is_whole: bool = False) -> None:
         """Join the part given to one `gen_*` function to the earlier ones.
@@ -49,9 +53,9 @@ def current_collection() -> Collection | None:
 
 
 @contextmanager
-def collecting() -> Iterator[Collection]:
-    """Collect the calls of the `gen_*` functions in the body."""
-    collection = Collection()
+def collecting(wanted: str | None = None) -> Iterator[Collection]:
+    """Collect the calls of the `gen_*` functions in the body, of which a family of maps draws `wanted`."""
+    collection = Collection(wanted=wanted)
     token = _current.set(collection)
     try:
         yield collection

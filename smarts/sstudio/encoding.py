@@ -65,7 +65,12 @@ def canonical(value: Any) -> str:
 
 def digest(value: Any, size: int = 16) -> str:
     """Return a hexadecimal fingerprint of `size` bytes of a value's content."""
-    return hashlib.blake2b(canonical(value).encode(), digest_size=size).hexdigest()
+    return text_digest(canonical(value), size)
+
+
+def text_digest(text: str, size: int = 16) -> str:
+    """Return the fingerprint of a value whose content is `text`; see `canonical`."""
+    return hashlib.blake2b(text.encode(), digest_size=size).hexdigest()
 
 
 def _encode_number(value: float, where: str) -> Json:

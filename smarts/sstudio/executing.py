@@ -24,10 +24,12 @@ class Description:
     """Seed of the build."""
     files: tuple[Path, ...] = ()
     """Files that the scenario file imports or reads; the scenario may change with them."""
+    is_wanted: bool = False
+    """Whether the scenario is the variation that was wanted, and not the one that may have it."""
 
 
-def run_scenario_file(script: Path, seed: int) -> Description:
-    """Run a scenario file and return its scenario.
+def run_scenario_file(script: Path, seed: int, wanted: str | None = None) -> Description:
+    """Run a scenario file and return its scenario; of a family of maps, the map named `wanted`.
 
     The file runs in its own folder and in a process of its own, for `smarts.roads.children.TIME_LIMIT` at
     the longest; what it prints is shown, and it cannot ask for input.
@@ -37,7 +39,7 @@ def run_scenario_file(script: Path, seed: int) -> Description:
             that cannot be written down.
     """
     script = script.resolve()
-    answer, code = _answer(script, seed)
+    answer, code = _answer(script, seed, wanted)
     if not answer:
         raise ScenarioError(
             f"the scenario file ended its process with code {code} before it was done",
@@ -48,14 +50,15 @@ def run_scenario_file(script: Path, seed: int) -> Description:
     if "error" in reply:
         raise ScenarioError(**reply["error"])
     files = tuple(Path(file) for file in reply["files"])
-    return Description(decode(reply["scenario"]), reply["seed"], files)
+    return Description(decode(reply["scenario"]), reply["seed"], files, reply["is_wanted"])
 
 
-def _answer(script: Path, seed: int) -> tuple[bytes, int]:
+def _answer(script: Path, seed: int, wanted: str | None) -> tuple[bytes, int]:
     """Return what the runner writes into a file without a name, and its exit code."""
     with tempfile.TemporaryFile() as answer:
         number = answer.fileno()
         command = [sys.executable, "-m", "smarts.sstudio.runner", str(script), str(number), str(seed)]
+        command += [] if wanted is None else [wanted]
         try:
             code = run_child(command, cwd=script.parent, env=_environment(), keep=[number])
         except TimeoutError as error:

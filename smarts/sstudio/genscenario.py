@@ -13,14 +13,18 @@ and ignored: `overwrite`, `ovewrite` (sic), `output_dir` beside a scenario's fol
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.collecting import Collection, current_collection
+from smarts.sstudio.families import SPLITS, draw_map
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 Actors = t.SocialAgentActor | Sequence[t.SocialAgentActor]
 
@@ -48,6 +52,33 @@ def gen_scenario(
         ScenarioError: A scenario file calls it twice.
     """
     _contribute(output_dir, "scenario", scenario, seed, is_whole=True)
+
+
+def gen_family(
+    draw: Callable[[Generator], t.Scenario], output_dir: str | Path, maps: Mapping[str, int] = SPLITS
+) -> None:
+    """Hand over a family of maps, of which each is a scenario named as a variation: "intersections@train-07".
+
+    The family's own name means its first map. No two maps of a family are equal, whatever their splits.
+
+    Args:
+        draw: Returns the scenario on a map drawn with the generator, with the map as `MapSpec.plain`.
+        output_dir: The family's folder.
+        maps: How many maps each split has.
+
+    Raises:
+        ScenarioError: The draws do not differ.
+    """
+    collection = current_collection()
+    names = [f"{split}-{number:02}" for split, count in maps.items() for number in range(count)]
+    if collection is not None and collection.wanted in names:
+        collection.is_wanted = True
+        scenario = draw_map(draw, names, collection.wanted)
+    else:
+        scenario = draw_map(draw, names, names[0])
+        descriptions = {name: t.Variation(f"Map {name} of the family.") for name in names}
+        scenario = replace(scenario, held_out=None if collection is None else descriptions)
+    gen_scenario(scenario, output_dir)
 
 
 def gen_traffic(

@@ -1,6 +1,6 @@
 """Runs a scenario file in its own process and writes the scenario as JSON.
 
-    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE_DESCRIPTOR SEED
+    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE_DESCRIPTOR SEED [VARIATION]
 
 Its own process, so that each run is the same (fresh modules, a fixed order of sets, fixed seeds, its own
 folder as the working directory) and leaves nothing behind.
@@ -37,10 +37,11 @@ _WRONG_KEYWORD = re.compile(r"(\w+)\.__init__\(\) got an unexpected keyword argu
 def main(arguments: list[str]) -> None:
     """Run the file and write the answer: what it says, or the error."""
     script, answer_file, seed = Path(arguments[0]), int(arguments[1]), int(arguments[2])
+    wanted = arguments[3] if len(arguments) > 3 else None
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(script.parent))
     try:
-        answer = json.dumps(_describe(script, seed))
+        answer = json.dumps(_describe(script, seed, wanted))
     except BaseException as error:
         # Even exceptions that end a process: the answer is the only way to report them.
         said = error if isinstance(error, SmartsError) else _unexpected(error, script)
@@ -58,10 +59,10 @@ def _unexpected(error: BaseException, script: Path) -> ScenarioError:
     return ScenarioError(f"writing it down failed: {type(error).__name__}: {error}", place=str(script))
 
 
-def _describe(script: Path, seed: int) -> Json:
+def _describe(script: Path, seed: int, wanted: str | None) -> Json:
     _seed_global_generators(seed)
     opened = _record_opened(script.parent)
-    with collecting() as collection, fresh_drawing(seed):
+    with collecting(wanted) as collection, fresh_drawing(seed):
         _run(script)
         read = set(opened)
         scenario = _encoded(collection, script)
@@ -69,6 +70,7 @@ def _describe(script: Path, seed: int) -> Json:
         "scenario": scenario,
         "seed": seed if collection.seed is None else collection.seed,
         "files": sorted((read | _own_modules()) - {str(script)}),
+        "is_wanted": collection.is_wanted,
     }
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from smarts.sstudio.encoding import canonical, digest
+from functools import cached_property
+
+from smarts.sstudio.encoding import canonical, text_digest
 
 
 class Described:
@@ -12,14 +14,24 @@ class Described:
     parts; fingerprints and hashes are the same in every process and on every machine.
     """
 
+    @cached_property
+    def _content(self) -> str:
+        """The content as text; kept, since drivers are keys of every flow."""
+        return canonical(self)
+
+    @cached_property
+    def _hash(self) -> int:
+        # 56 bits, so that Python does not reduce it further.
+        return int(text_digest(self._content, size=7), 16)
+
     def fingerprint(self, digits: int = 6) -> str:
         """Return the first hexadecimal digits of the content's digest."""
-        return digest(self)[:digits]
+        return text_digest(self._content)[:digits]
 
     def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other):
+        if not isinstance(other, Described) or type(self) is not type(other):
             return NotImplemented
-        return self is other or canonical(self) == canonical(other)
+        return self is other or self._content == other._content
 
     def __hash__(self) -> int:
-        return int(digest(self, size=7), 16)  # 56 bits, so that Python does not reduce it further
+        return self._hash

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ MapBuilder = Callable[[Any], Any]
 class MapSpec(Described):
     """A map and how to read it."""
 
-    source: str
+    source: str = "."
     """A map file, or a folder that holds one; relative paths start at the scenario's folder."""
     lanepoint_spacing: float = 1.0
     """The distance between points along a lane [m]."""
@@ -25,3 +25,6 @@ class MapSpec(Described):
     """Whether to move a map that does not surround the origin there."""
     builder_fn: MapBuilder | None = None
     """The original's hook for other map formats: kept in the signature, refused by the build if set."""
+    plain: Mapping[str, str] | None = None
+    """The map itself instead of `source`: texts of SUMO's plain XML by kind, such as "nod" and "edg" (an
+    extension)."""

@@ -41,7 +41,8 @@ FIELDS = {
     "RoadSurfacePatch": "zone=... begin_time=... end_time=... friction_coefficient=...",
     "BubbleLimits": "hijack_limit=MAX shadow_limit=MAX",
     "MapSpec": (
-        "source=... lanepoint_spacing=1.0 default_lane_width=None shift_to_origin=False builder_fn=None"
+        "source='.' lanepoint_spacing=1.0 default_lane_width=None shift_to_origin=False builder_fn=None"
+        " plain=None"
     ),
     "Stop": "road_id=... lane_index=... offset=... duration=... length=20.0 bus_stop=True",
     "StartVariation": "offset=5.0 speed=(0.0,5.0)",

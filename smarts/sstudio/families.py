@@ -1,0 +1,61 @@
+"""Families of maps, drawn by name, so that no two of a family are equal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from smarts.errors import ScenarioError
+from smarts.sstudio.encoding import digest
+from smarts.sstudio.sstypes.scenario import Scenario
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+SPLITS = MappingProxyType({"train": 50, "validation": 10, "test": 30})
+"""Usual numbers of maps."""
+TRIES = 20
+"""Draws until one differs from all earlier maps of the family."""
+
+
+def draw_map(draw: Callable[[Generator], Scenario], names: Sequence[str], wanted: str) -> Scenario:
+    """Return the map `wanted` of a family; maps are drawn in the order of `names`, equal ones again.
+
+    Raises:
+        ScenarioError: All draws of a map equal earlier ones.
+    """
+    # Local: scenario files that draw nothing need not wait for NumPy.
+    from smarts.types.streams import Purpose, stream
+
+    seen: set[str] = set()
+    for name in names[: names.index(wanted) + 1]:
+        seed = int(digest(name, size=6), 16)
+        for attempt in range(TRIES):
+            scenario = draw(stream(seed, Purpose.BUILD, episode=attempt))
+            content = digest(scenario.map_spec)
+            if content not in seen:
+                break
+        else:
+            raise ScenarioError(
+                f"map {name} equals earlier ones in {TRIES} draws",
+                remedy="let more of the map depend on the generator, or ask for fewer maps",
+            )
+        seen.add(content)
+    return scenario
+
+
+def split_of(name: str) -> list[str]:
+    """Return the names of all maps that "family@split" means; of any other name, that name alone.
+
+    Raises:
+        SmartsError: There is no such scenario, or it cannot be built.
+    """
+    # Local: the build runs scenario files, which import this module.
+    from smarts.sstudio.build import build_scenario
+    from smarts.sstudio.locating import VARIATION_MARK
+
+    family, mark, split = name.partition(VARIATION_MARK)
+    known = build_scenario(family).held_out if mark else ()
+    members = [f"{family}{mark}{each}" for each in known if each.rpartition("-")[0] == split]
+    return members or [name]
