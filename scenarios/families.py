@@ -1,4 +1,4 @@
-"""What families of maps share: SUMO's plain XML, curves, traffic from none to dense, missions."""
+"""What families of maps share: SUMO's plain XML, curves, traffic from none to dense."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from scenarios.drivers import ALL_KINDS, KINDS, Drivers, LanePoint
+from scenarios.drivers import ALL_KINDS, KINDS, Drivers
 from smarts.sstudio import types as t
 
 Point = tuple[float, float]
@@ -92,8 +92,3 @@ def from_none_to_dense(social: Callable[[float, Drivers], dict[str, t.Traffic]])
     sparse, dense = (social(DENSITIES[name], ALL_KINDS)[FULL] for name in ("sparse", "dense"))
     inattentive = social(1.0, KINDS["inattentive"])[FULL]
     return {**social(1.0, ALL_KINDS), "sparse": sparse, "inattentive": inattentive, "dense": dense}
-
-
-def missions(starts: Sequence[LanePoint], goals: Sequence[LanePoint]) -> list[t.Mission]:
-    """Return four missions between places."""
-    return [t.Mission(t.Route(begin=starts[i], end=goals[i])) for i in range(4)]

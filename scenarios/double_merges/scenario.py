@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.random import Generator
 
 from scenarios.drivers import START_IN_TOWN, Drivers, flow, placed, slowly, traffic
-from scenarios.families import PlainMap, Point, along, curve, from_none_to_dense, missions
+from scenarios.families import PlainMap, Point, along, curve, from_none_to_dense
 from smarts.sstudio import gen_family
 from smarts.sstudio import types as t
 
@@ -20,6 +20,8 @@ LIMIT = 13.89
 WARM_UP = 25.0
 CROSSING = 0.6
 """Share of the vehicles that leave on the other side."""
+LONG = 180.0
+"""Length of a weaving section from which on agents' goals are in it, no way being longer than 250 m [m]."""
 SLOW = 8.0
 """Speed of a normal vehicle ahead of the agents [m/s]."""
 
@@ -99,15 +101,15 @@ def draw(generator: Generator) -> t.Scenario:
     count, lanes = draw_lanes(generator)
     length, width = generator.uniform(120, 300), generator.uniform(3.0, 3.6)
     angles = [radians(angle) for angle in generator.uniform(12, 32, 4)]
-    lefts, rights = ("top_left", "down_left"), ("down_right", "top_right")
-    starts = [(ramp, lane, at) for at in (30, 10) for ramp in lefts for lane in range(lanes[ramp])]
-    goals = [(ramp, lane, at) for at in (40, 10) for ramp in rights for lane in range(lanes[ramp])]
+    lefts, rights = (("top_left", "down_left"), ("top_right", "down_right"))
+    starts = [(ramp, lane, at) for ramp in lefts for lane in range(lanes[ramp]) for at in (10, 30)]
+    goals = [(ramp, lane, at) for ramp in rights for lane in range(lanes[ramp]) for at in (10, 40)]
+    if length > LONG:
+        goals = [("merge", lane, at) for lane in range(count) for at in (LONG - 60, LONG - 30)]
     return t.Scenario(
         map_spec=road_map(count, lanes, length, width, angles),
         traffic=from_none_to_dense(lambda density, drivers: social(lanes, density, drivers)),
-        ego_missions=missions(
-            [(ramp, 0, at) for at in (30, 10) for ramp in lefts], [(ramp, 0, 10) for ramp in rights * 2]
-        ),
+        ego_missions=[t.DrawnMission(starts, goals)],
         start_variation=START_IN_TOWN,
     )
 

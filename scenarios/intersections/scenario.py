@@ -7,7 +7,7 @@ from pathlib import Path
 from numpy.random import Generator
 
 from scenarios.drivers import START_IN_TOWN, Drivers, flow, traffic
-from scenarios.families import PlainMap, along, from_none_to_dense, missions
+from scenarios.families import PlainMap, along, from_none_to_dense
 from smarts.sstudio import gen_family
 from smarts.sstudio import types as t
 
@@ -138,12 +138,12 @@ def draw(generator: Generator) -> t.Scenario:
     lengths = [float(length) for length in generator.uniform(55, 80, len(arms))]
     width, speed = generator.uniform(3.0, 3.6), generator.choice([11.11, 13.89])
     signals = bool(generator.random() < 0.25)
-    starts = [(f"{arms[i % len(arms)].name}_in", 0, at) for i, at in enumerate((35, 35, 35, 10))]
-    goals = [(f"{arms[(i + 1) % len(arms)].name}_exit", 0, at) for i, at in enumerate((80, 80, 80, 40))]
+    starts = [(f"{arm.name}_in", lane, at) for arm in arms for lane in range(arm.lanes) for at in (10, 35)]
+    goals = [(f"{arm.name}_exit", lane, at) for arm in arms for lane in range(arm.lanes) for at in (40, 80)]
     return t.Scenario(
         map_spec=road_map(arms, lengths, width, speed, signals),
         traffic=from_none_to_dense(lambda density, drivers: social(arms, density, drivers)),
-        ego_missions=missions(starts, goals),
+        ego_missions=[t.DrawnMission(starts, goals)],
         start_variation=START_IN_TOWN,
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.random import Generator
 
 from scenarios.drivers import START_ON_A_FAST_ROAD, Drivers, flow, traffic
-from scenarios.families import PlainMap, along, curve, from_none_to_dense, missions
+from scenarios.families import PlainMap, along, curve, from_none_to_dense
 from smarts.sstudio import gen_family
 from smarts.sstudio import types as t
 
@@ -55,13 +55,13 @@ def draw(generator: Generator) -> t.Scenario:
     lanes, joined = int(generator.integers(2, 4)), generator.uniform(80, 150)
     width, speed = generator.uniform(3.2, 3.7), generator.choice([16.67, 19.44, 22.22])
     angle = math.radians(generator.uniform(8, 20))
+    starts = [("ramp", 0, at) for at in (150, 180)]
+    starts += [("main_in", lane, at) for lane in range(lanes) for at in (220, 250)]
+    goals = [("main_out", lane, at) for lane in range(lanes) for at in (30, 60)]
     return t.Scenario(
         map_spec=road_map(lanes, joined, width, speed, angle),
         traffic=from_none_to_dense(lambda density, drivers: social(lanes, density, drivers)),
-        ego_missions=missions(
-            [("ramp", 0, 180), ("ramp", 0, 150), ("main_in", 0, 250), ("main_in", 0, 220)],
-            [("main_out", 0, at) for at in (30, 45, 60, 75)],
-        ),
+        ego_missions=[t.DrawnMission(starts, goals)],
         start_variation=START_ON_A_FAST_ROAD,
     )
 

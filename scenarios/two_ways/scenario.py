@@ -6,7 +6,7 @@ from pathlib import Path
 from numpy.random import Generator
 
 from scenarios.drivers import START_IN_TOWN, Drivers, flow, placed, slowly, traffic
-from scenarios.families import PlainMap, Point, from_none_to_dense, missions
+from scenarios.families import PlainMap, Point, from_none_to_dense
 from smarts.sstudio import gen_family
 from smarts.sstudio import types as t
 
@@ -63,13 +63,17 @@ def draw(generator: Generator) -> t.Scenario:
     length, lanes = generator.uniform(60, 130), int(generator.integers(1, 3))
     width, speed = generator.uniform(3.0, 3.6), generator.choice([11.11, 13.89, 16.67])
     bend, slow = generator.choice([-1.0, 0.0, 1.0]) * generator.uniform(5, 20), generator.uniform(4, 8)
+    starts = [
+        (f"{way}{part}", lane, at)
+        for way in WAYS
+        for lane in range(lanes)
+        for part, at in (("", 5), ("_approach", 80))
+    ]
+    goals = [(f"{way}_exit", lane, at) for way in WAYS for lane in range(lanes) for at in (60, 100)]
     return t.Scenario(
         map_spec=road_map(length, lanes, width, speed, bend),
         traffic=from_none_to_dense(lambda density, drivers: social(lanes, length, slow, density, drivers)),
-        ego_missions=missions(
-            [(f"{way}{part}", 0, at) for part, at in (("", 5), ("_approach", 80)) for way in WAYS],
-            [(f"{way}_exit", 0, at) for at in (100, 60) for way in WAYS],
-        ),
+        ego_missions=[t.DrawnMission(starts, goals, conflicts=0.0)],
         start_variation=START_IN_TOWN,
     )
 

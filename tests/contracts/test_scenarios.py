@@ -14,6 +14,7 @@ from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario, suite
 from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.episodes import expand
 from smarts.sstudio.missions import place_missions
 from smarts.types.streams import Purpose, stream
 from smarts.types.vehicles import VehicleKind
@@ -90,7 +91,8 @@ def test_held_out_variations_are_as_complete(name):
 def check_missions(built: BuiltScenario, seeds: int) -> None:
     """Check that every mission can be driven, and that starts vary and stay on their lane."""
     roads, scenario = built.roads(), built.scenario
-    for mission in scenario.ego_missions:
+    missions = expand(scenario.ego_missions)
+    for mission in missions:
         line = route_line(roads, mission.route)
         gaps = np.hypot(*np.diff(line, axis=0).T)
         x, y, heading = start_pose(roads, mission)
@@ -104,7 +106,7 @@ def check_missions(built: BuiltScenario, seeds: int) -> None:
     seen = set()
     for seed in range(seeds):
         generator = stream(seed, Purpose.STARTS)
-        placed = place_missions(scenario.ego_missions, roads, generator, scenario.start_variation)
+        placed = place_missions(missions, roads, generator, scenario.start_variation)
         for ego in placed:
             nominal = roads.arc_length(ego.start.lane, ego.mission.route.begin[2])
             assert 2.5 < ego.start.s <= roads.length[ego.start.lane]
@@ -128,7 +130,7 @@ def check_departures(built: BuiltScenario) -> None:
 
 def mission_routes(built: BuiltScenario) -> list[t.Route]:
     """Return the fixed routes among the missions."""
-    missions = [each for each in built.scenario.ego_missions or () if isinstance(each, t.Mission)]
+    missions = [each for each in expand(built.scenario.ego_missions or ()) if isinstance(each, t.Mission)]
     return [mission.route for mission in missions if isinstance(mission.route, t.Route)]
 
 

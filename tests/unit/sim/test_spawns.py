@@ -10,6 +10,7 @@ import pytest
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario, suite
+from smarts.sstudio.episodes import expand
 from smarts.types.events import Event, Outcome
 
 SEEDS, STEPS = 5, 50
@@ -27,7 +28,7 @@ def entries(name, seeds):
     """Yield for each seed whether the start amid traffic was void, and the agents' collisions on roads."""
     interface = AgentInterface(action=ActionSpaceType.Lane, done_criteria=DoneCriteria(off_route=False))
     built = build_scenario(name)
-    egos = min(4, len(built.scenario.ego_missions or (0,)))
+    egos = min(4, len(expand(built.scenario.ego_missions or ())) or 1)
     parts = assemble([built], [interface] * egos)
     simulation, world, roads = parts.simulation, parts.simulation.world, built.roads()
     rows, nobody = np.ones(1, np.bool_), np.zeros((1, egos), np.bool_)
