@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -25,24 +25,26 @@ def draw_map(draw: Callable[[Generator], Scenario], names: Sequence[str], wanted
     Raises:
         ScenarioError: All draws of a map equal earlier ones.
     """
+    seen: set[str] = set()
+    for name in names[: names.index(wanted)]:
+        seen.add(digest(_draw_another(draw, name, seen).map_spec))
+    return _draw_another(draw, wanted, seen)
+
+
+def _draw_another(draw: Callable[[Generator], Scenario], name: str, seen: Set[str]) -> Scenario:
+    """Return a map whose digest is none of those in `seen`."""
     # Local: scenario files that draw nothing need not wait for NumPy.
     from smarts.types.streams import Purpose, stream
 
-    seen: set[str] = set()
-    for name in names[: names.index(wanted) + 1]:
-        seed = int(digest(name, size=6), 16)
-        for attempt in range(TRIES):
-            scenario = draw(stream(seed, Purpose.BUILD, episode=attempt))
-            content = digest(scenario.map_spec)
-            if content not in seen:
-                break
-        else:
-            raise ScenarioError(
-                f"map {name} equals earlier ones in {TRIES} draws",
-                remedy="let more of the map depend on the generator, or ask for fewer maps",
-            )
-        seen.add(content)
-    return scenario
+    seed = int(digest(name, size=6), 16)
+    for attempt in range(TRIES):
+        scenario = draw(stream(seed, Purpose.BUILD, episode=attempt))
+        if digest(scenario.map_spec) not in seen:
+            return scenario
+    raise ScenarioError(
+        f"map {name} equals earlier ones in {TRIES} draws",
+        remedy="let more of the map depend on the generator, or ask for fewer maps",
+    )
 
 
 def split_of(name: str) -> list[str]:
