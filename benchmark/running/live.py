@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -44,7 +45,8 @@ class LiveProgress:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True)
+        # Notebooks set FORCE_COLOR, by which rich takes their output for a terminal.
+        self._console = console or Console(stderr=True, force_terminal=sys.stderr.isatty())
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._began = time.monotonic()
         self._has_explained = False
