@@ -76,6 +76,8 @@ def _first_of(error: ValidationError, kind: type) -> InterfaceError:
     if first["type"] == "unexpected_positional_argument":
         problem = f"there is no field for {shown(first['input'])}"
         return InterfaceError(problem, place=where, remedy=f"give at most {len(names)} without a name")
+    if first["type"] == "multiple_argument_values":
+        return InterfaceError(f"{name} has its value already", place=where, remedy="leave it out")
     if first["type"] == "missing":
         return InterfaceError(f"{name} is missing", place=where, remedy="give it")
     said = [each["msg"].partition(" should ")[2] for each in errors if each["loc"][0] == place]

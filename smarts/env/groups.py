@@ -121,10 +121,13 @@ def make_groups(
     sensors = None if sees_objects else getattr(settings.adapter_class, "sensors", None)
     needs_equal = feature_list(settings.observation).needs_equal_sensors
     grouped = [interfaces] if sees_objects else _grouped(interfaces, None if needs_equal else sensors)
-    assembly = settings.assemble(dict(pair for members in grouped for pair in members.items()), sensors)
-    firsts = np.cumsum([0, *map(len, grouped)]).tolist()
-    made = [_group(*each, assembly.scene, settings) for each in zip(grouped, firsts, strict=False)]
-    return assembly, tuple(made)
+    flat = {name: interface for members in grouped for name, interface in members.items()}
+    assembly = settings.assemble(flat, sensors)
+    groups, first = [], 0
+    for members in grouped:
+        groups.append(_group(members, first, assembly.scene, settings))
+        first += len(members)
+    return assembly, tuple(groups)
 
 
 def rewards_of(groups: Sequence[AgentGroup], acted: Bools) -> Singles:

@@ -70,9 +70,8 @@ class HiWayEnv(DictEnvApi, gym.Env):
             )
         if not headless:
             options.setdefault("envision", True)
-        settings = EnvSettings(
-            scenarios, agents, decision_interval=decision_interval, observation=(), reward=_REWARD, **options
-        )
+        own = {"observation": (), "reward": _REWARD, "adapter": None}
+        settings = EnvSettings(scenarios, agents, 1, decision_interval=decision_interval, **own, **options)
         self._env = DictEnv(settings, sees_objects=True, render_mode=render_mode)
         self._interfaces = settings.interfaces()
         self.agent_specs = dict(self._env.specs)

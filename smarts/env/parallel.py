@@ -80,4 +80,4 @@ def hiway_parallel_env(
     Raises:
         SmartsError: A scenario, an agent or the render mode is invalid.
     """
-    return ParallelHiWayEnv(EnvSettings(scenarios, agents, **options), render_mode)
+    return ParallelHiWayEnv(EnvSettings(scenarios, agents, 1, **options), render_mode)

@@ -52,7 +52,7 @@ class PyMARLEnv(NotCopied):
         reward_scalarisation: Literal["sum", "mean"] = "sum",
         **options: Unpack[EnvOptions],
     ) -> None:
-        settings = EnvSettings(scenarios, agents, **options)
+        settings = EnvSettings(scenarios, agents, 1, **options)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)
         """Most decisions of an episode."""
         self._env = BlackDeath(ParallelHiWayEnv(settings))

@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypedDict
 from pydantic import Field, InstanceOf
 
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.checks import Count, Listed, WholeFrom0, checked
+from smarts.agents.checks import Count, Listed, Number, WholeFrom0, checked
 from smarts.agents.hosting.options import HostOptions, hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
@@ -91,7 +91,7 @@ class EnvSettings:
     reward: Any = None
     """A name of `rewards.yaml`, a dict of weights, an own class or its "module:Class"; None: the reward that
     `observations.yaml` names beside the observation."""
-    discount: float | None = None
+    discount: Number | None = None
     """The learner's, which a reward shaped by a potential needs; None: that of the reward's weights."""
     adapter: Any = None
     """The caller's own class that makes observations, rewards and perhaps the encoding of actions."""
@@ -109,7 +109,7 @@ class EnvSettings:
     learn_in_bubbles: bool | Sequence[str] = False
     """True, or ids of bubbles of the scenarios: the agents have no missions, but drive vehicles of traffic
     in these bubbles. `agents` says how many at a time."""
-    episode_time: float | None = None
+    episode_time: Number | None = None
     """Length of episodes in which agents learn in bubbles [s]."""
     envision: bool | str | None = None
     """True shows the simulations in the browser of `smarts-bench view --live`, on this machine unless

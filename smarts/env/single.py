@@ -47,7 +47,7 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
         **options: Unpack[EnvOptions],
     ) -> None:
         agents = 1 if agent is None else {AGENT: agent}
-        settings = EnvSettings(scenarios, agents, **options)
+        settings = EnvSettings(scenarios, agents, 1, **options)
         self._env = DictEnv(settings, render_mode=render_mode)
         self.observation_space = self._env.observation_spaces()[AGENT]
         self.action_space = self._env.action_spaces()[AGENT]

@@ -44,6 +44,7 @@ def test_settings(bad, kind, place, value):
         (lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options), "render_mode", "'render_mode'"),
         (lambda **options: RLlibHiWayEnv({"scenarios": ["loop"], **options}), "agent_spec", "'agents'"),
         (lambda **options: RLlibHiWayEnv(options), "agents", "scenarios is missing"),
+        (lambda **options: SingleHiWayEnv(["loop"], **options), "num_envs", "num_envs has its value"),
     ],
 )
 def test_keywords_that_an_environment_does_not_have(make, keyword, said):
