@@ -40,7 +40,7 @@ class ScenarioShare(Section):
     """Scenarios in equal shares, with the weight of them all."""
 
     scenarios: Annotated[Scenarios, Field(min_length=1)]
-    """Names, or patterns of names with a *, such as "maps/train-*" or "intersection@three_*"."""
+    """Names, or patterns of names such as "maps/train-*" or "intersection@three_*"."""
     weight: Annotated[float, Field(gt=0)] = 1.0
     """Their share of the episodes, beside the weights of the list's other entries."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import re
 from collections.abc import Iterable
 from math import inf
@@ -72,14 +73,14 @@ def _scenario(name: str, info: ValidationInfo) -> str:
 
 def _matched(given: Any) -> Any:
     """Return a list of names with each pattern replaced by the scenarios that it stands for."""
-    if not isinstance(given, list) or not any(isinstance(each, str) and "*" in each for each in given):
+    names = given if isinstance(given, list) else []
+    patterns = [each for each in names if isinstance(each, str) and glob.has_magic(each)]
+    if not patterns:
         return given
-    from smarts.sstudio.build import (
-        matching,
-    )  # here: most files have no patterns, and reports need no builder
+    from smarts.sstudio.build import matching  # here: reports need no builder
 
     try:
-        return [name for each in given for name in (matching(each) if isinstance(each, str) else [each])]
+        return [name for each in names for name in (matching(each) if each in patterns else [each])]
     except SmartsError as error:
         raise UnfitError(f"{error.place}: {error.problem}", error.remedy) from error
 
