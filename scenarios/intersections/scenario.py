@@ -45,7 +45,7 @@ def draw_arms(generator: Generator) -> list[Arm]:
     gaps = LEAST_ANGLE[count] + spare * generator.dirichlet([2.0] * count)
     angles = [float(angle) for angle in generator.uniform(0, 2 * math.pi) + gaps.cumsum()]
     main_lanes = int(generator.integers(1, 4))
-    side_lanes = int(generator.integers(1, main_lanes + 1))
+    side_lanes = int(generator.integers(1, min(main_lanes, 2) + 1))
     pairs = [(i, j) for i in range(count) for j in range(i)]
     main = min(pairs, key=lambda pair: abs(turn_angle(angles[pair[0]], angles[pair[1]])))
     return [
@@ -137,7 +137,8 @@ def draw(generator: Generator) -> t.Scenario:
     arms = draw_arms(generator)
     lengths = [float(length) for length in generator.uniform(55, 80, len(arms))]
     width, speed = generator.uniform(3.0, 3.6), generator.choice([11.11, 13.89])
-    signals = bool(generator.random() < 0.25)
+    # Side roads would wait for minutes for a gap in three lanes.
+    signals = any(arm.lanes == 3 for arm in arms) or bool(generator.random() < 0.2)
     starts = [(f"{arm.name}_in", lane, at) for arm in arms for lane in range(arm.lanes) for at in (10, 35)]
     goals = [(f"{arm.name}_exit", lane, at) for arm in arms for lane in range(arm.lanes) for at in (40, 80)]
     return t.Scenario(

@@ -45,19 +45,3 @@ def _draw_another(draw: Callable[[Generator], Scenario], name: str, seen: Set[st
         f"map {name} equals earlier ones in {TRIES} draws",
         remedy="let more of the map depend on the generator, or ask for fewer maps",
     )
-
-
-def split_of(name: str) -> list[str]:
-    """Return the names of all maps that "family@split" means; of any other name, that name alone.
-
-    Raises:
-        SmartsError: There is no such scenario, or it cannot be built.
-    """
-    # Local: the build runs scenario files, which import this module.
-    from smarts.sstudio.build import build_scenario
-    from smarts.sstudio.locating import VARIATION_MARK
-
-    family, mark, split = name.partition(VARIATION_MARK)
-    known = build_scenario(family).held_out if mark else ()
-    members = [f"{family}{mark}{each}" for each in known if each.rpartition("-")[0] == split]
-    return members or [name]

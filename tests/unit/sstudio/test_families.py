@@ -9,9 +9,8 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_described, build_scenario
+from smarts.sstudio.build import build_described, build_scenario, matching
 from smarts.sstudio.collecting import collecting
-from smarts.sstudio.families import split_of
 from smarts.sstudio.locating import SUITE
 from tests.raising import raises
 
@@ -51,10 +50,8 @@ def test_maps_of_a_family_are_variations_that_differ(tmp_path):
     (tmp_path / "roads").mkdir()
     (tmp_path / "roads" / "scenario.py").write_text(ROADS)
     family = str(tmp_path / "roads")
-    names = split_of(f"{family}@train") + split_of(f"{family}@test")
+    names = matching(f"{family}@train-*") + matching(f"{family}@test-*")
     assert [name.partition("@")[2] for name in names] == ["train-00", "test-00", "test-01"]
-    assert split_of(f"{family}@test-01") == [f"{family}@test-01"]
-    assert split_of("intersection") == ["intersection"]
     built = [build_scenario(name) for name in names]
     assert {round(each.roads().length.max()) for each in built} == {100, 101, 102}
     assert [each.directory for each in built] == [build_scenario(name).directory for name in names]
