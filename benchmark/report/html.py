@@ -1,9 +1,10 @@
-"""The page: one file that needs nothing else, no network either."""
+"""The page, one file that needs nothing else, no network either; the same as Markdown and LaTeX; pictures."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import groupby
 from typing import Any
@@ -32,6 +33,14 @@ MODULES = (drawing, figures, front, overview, paper, provenance, summary, tables
 """Modules of this package whose texts and tables the templates call by their names."""
 SHOWN_FIRST = ("completion", "collision")
 """Learning curves above the fold."""
+HTML = re.compile(r"<(?!br>)(?=[A-Za-z/!?])|&(?=#?\w+;)")
+"""Begins a tag or an entity; `<br>` is the only tag in Markdown."""
+OF_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+}
 
 
 @cache
@@ -39,7 +48,36 @@ def _templates() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     loader = PackageLoader("benchmark.report")
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    made.filters |= {"latex": latex, "without_html": without_html, "in_table": in_table}
+    return made
+
+
+@cache
+def _texts() -> Any:
+    return _templates().overlay(autoescape=False)
+
+
+@cache
+def _latex_texts() -> Any:
+    names = ("block_start", "block_end", "variable_start", "variable_end", "comment_start", "comment_end")
+    signs = zip(names, ("<%", "%>", "<<", ">>", "<#", "#>"), strict=True)
+    return _texts().overlay(**{f"{name}_string": sign for name, sign in signs})
+
+
+def latex(text: str) -> str:
+    """Return a text as LaTeX prints it."""
+    return "".join(OF_LATEX.get(sign, sign) for sign in text)
+
+
+def without_html(text: str) -> str:
+    """Return Markdown without HTML, which names and descriptions may hold."""
+    return HTML.sub(lambda found: {"<": "&lt;", "&": "&amp;"}[found[0]], text)
+
+
+def in_table(text: str) -> str:
+    """Return a text as a table in Markdown has it."""
+    return text.replace("|", "\\|").replace("\n", " ")
 
 
 def fill(template: str, **content: Any) -> str:
@@ -95,7 +133,6 @@ def report_page(
         robustness: What was played beside the tests.
         replays: Test episodes that the page plays.
     """
-    by_traffic = groupby(report.columns, key=lambda column: column[1])
     names = front.best_first(report)
     learning = {x: [drawing.curves(report, *x, rate) for rate in SHOWN_FIRST] for x in report.columns}
     return fill(
@@ -117,9 +154,43 @@ def report_page(
         viewer=base64.b64encode(replays.page).decode(),
         links=links,
         robustness=robustness,
-        groups=[(paper.traffic_label(traffic), len([*group])) for traffic, group in by_traffic],
+        groups=_groups(report),
         tasks=[(name, paper.task_label(name)) for name in report.tasks],
         traffics=[(name, paper.traffic_label(name)) for name in report.traffics],
         metrics=[METRICS[name] for name in report.metrics],
         modes=[(mode, mode) for mode in MODES if mode in report.modes],
     )
+
+
+def _groups(report: Report) -> list[tuple[str, int]]:
+    """Return label and number of conditions of each traffic, as columns are grouped."""
+    by_traffic = groupby(report.columns, key=lambda column: column[1])
+    return [(paper.traffic_label(traffic), len([*group])) for traffic, group in by_traffic]
+
+
+def report_text(
+    report: Report,
+    summaries: Summaries,
+    pictures: Iterable[str],
+    links: Sequence[EpisodeLinks],
+    robustness: Robustness,
+) -> str:
+    """Return a report as Markdown; see `report_page`.
+
+    Args:
+        report: What it says.
+        summaries: Over its conditions.
+        pictures: Names of the kinds of plots that lie beside it.
+        links: Links to recorded test episodes.
+        robustness: What was played beside the tests.
+    """
+    given = {"summaries": summaries, "pictures": {*pictures}, "links": links, "robustness": robustness}
+    metrics = [METRICS[name] for name in report.metrics]
+    template = _texts().get_template("report.md.j2")
+    return template.render(**_modules(), **given, report=report, results=report.results, metrics=metrics)
+
+
+def main_table(report: Report, mode: str) -> str:
+    """Return the main table in LaTeX, with intervals and the figures of the paper."""
+    template = _latex_texts().get_template("main_table.tex.j2")
+    return template.render(**_modules(), report=report, mode=mode, groups=_groups(report)) + "\n"

@@ -12,9 +12,7 @@ from benchmark.report.content import Report, make_report
 from benchmark.report.episode_pages import EPISODES, EpisodeLinks, Replays, replays, write_episodes
 from benchmark.report.figures import KINDS, PROFILE
 from benchmark.report.front import leader
-from benchmark.report.html import pictures, report_page
-from benchmark.report.latex import main_table
-from benchmark.report.markdown import report_text
+from benchmark.report.html import main_table, pictures, report_page, report_text
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import summaries_of

@@ -7,8 +7,7 @@ import pytest
 from benchmark.report import drawing
 from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.episode_pages import Replays
-from benchmark.report.html import pictures, report_page
-from benchmark.report.latex import main_table
+from benchmark.report.html import main_table, pictures, report_page
 from benchmark.report.protocol import protocol_of
 from benchmark.report.robustness import robustness_of
 from benchmark.report.summary import Summaries
