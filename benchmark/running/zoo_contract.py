@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from typing import Any
 
 import numpy as np
@@ -13,28 +12,26 @@ from numpy.typing import NDArray
 from smarts.agents.hosting.facts import check_period
 from smarts.agents.policy import ActionBatch, Agent, BatchAgent
 from smarts.agents.spec import AgentSpec
-from smarts.arrays import Bools
 from smarts.controllers import action_format
-from smarts.controllers.action_formats import Rejected
 from smarts.env.hiway import HiWayEnv
 from smarts.errors import OwnCodeError, ScenarioError, SmartsError, shown
-from smarts.observations.arrays import ArrayObservation
-from smarts.observations.context import AdapterContext
-from smarts.observations.lists import feature_list
-from smarts.sim.assembly import Assembly, Options, assemble
+from smarts.observations.action_mask import MASK
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
-from smarts.types.actions import ActionSpaceType
-from smarts.types.agent_states import AgentStatus
-from smarts.types.events import Outcome
+from smarts.types.actions import LaneAction
+from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent, make_spec
+from smarts_agent_kit.service import FAILURES, checked_actions, problem_of
 
 ROWS = 17
 """Size of the batch whose rows are compared with a vehicle alone."""
-SEEN = "observations"
 MOST_EGOS = 4
 STEPS = 300
 """Number of steps of the episode that is driven."""
+Asked = tuple[ActionBatch, NDArray]
+"""A request and its answer."""
+Answers = tuple[int, NDArray, NDArray]
+"""Step, and two answers."""
 
 
 def check_entry(
@@ -64,145 +61,116 @@ def check_entry(
     yield f"imports: {type(agent).__module__}:{type(agent).__name__}"
     yield f"interface: {kind}, {interface.vehicle_model} {interface.vehicle_class}"
     if not isinstance(agent, BatchAgent):
-        driven = _drive_objects(locator, spec, scenario, steps)
+        driven = _drive_objects(spec, scenario, steps)
         yield f"acts on observations in {scenario!r} for {driven} steps"
         return
     check_period(agent.period, locator)
-    feature_list(agent.observation)
-    with ZooDrive(locator, spec, agent, scenario, seed=seed) as drive:
+    with ZooDrive(spec, agent, scenario, seed=seed) as drive:
         drive.reset()
-        requests = [request for _ in range(steps) if (request := drive.step()) is not None]
+        asked = (drive.step() for _ in range(0, steps, agent.period))
+        requests = [request for request in asked if request is not None]
     if not requests:
         raise SmartsError(
             f"no vehicle has driven in {steps} steps",
             place=f"scenario {scenario!r}",
             remedy="take another one, whose missions begin at once: --scenario",
         )
+    _check_bounds(locator, interface.action, requests)
     yield f"acts in {scenario!r}: {len(requests)} decisions within the bounds of its actions"
-    _check_repeats(locator, spec, requests)
-    yield "repeats bit for bit"
-    _check_rows(locator, spec, [batch for batch, _ in requests])
-    yield f"a vehicle alone acts as among {ROWS}, bit for bit"
-    _check_restart(locator, spec, [batch for batch, _ in requests])
-    yield "forgets a vehicle when the next one comes"
+    for answers, kept, problem, remedy in CHECKS:
+        for step, one, other in answers(spec, requests):
+            if not np.array_equal(one, other):
+                raise SmartsError(f"{problem} at step {step}", place=f"agent {locator!r}", remedy=remedy)
+        yield kept
 
 
 class ZooDrive:
     """One simulation of a scenario whose egos are driven by an agent of the zoo.
 
     Args:
-        name: Name of the agent, for errors.
         spec: Spec of the agent.
         agent: The agent that acts.
         scenario: Name or folder.
         egos: How many; None: as many as the scenario has missions for, at most 4.
-        worlds: Simulations side by side.
         seed: Seed of the run.
         traffic: Variation of the scenario's traffic; None: all in turn.
     """
 
     def __init__(
         self,
-        name: str,
         spec: AgentSpec,
         agent: BatchAgent,
         scenario: str,
         *,
         egos: int | None = None,
-        worlds: int = 1,
         seed: int = 42,
         traffic: str | None = None,
     ) -> None:
-        built = build_scenario(scenario)
-        built = built if traffic is None else built.with_traffic([traffic])
-        count = egos or _most_egos(built)
-        self._name, self._agent, self._seed, self.egos = name, agent, seed, count
-        if spec.interface is None:
-            raise OwnCodeError(f"the agent {name!r} has no interface", place="zoo")
-        self._parts: Assembly = assemble(
-            [built], [spec.interface] * count, worlds=worlds, seed=seed, options=Options(path=64)
+        names = [f"agent-{number}" for number in range(egos or _most_egos(build_scenario(scenario)))]
+        self._agent, self._seed = agent, seed
+        self.env = HiWayEnv(
+            [scenario],
+            dict.fromkeys(names, spec),
+            decision_interval=agent.period,
+            seed=seed,
+            traffic=None if traffic is None else [traffic],
         )
-        self.scene = self._parts.scene
-        self.world = self.scene.world
-        kind = ActionSpaceType(self._parts.rules.action[0])
-        names = tuple(f"agent-{number}" for number in range(count))
-        ids = np.arange(count, dtype=np.int32)
-        context = AdapterContext(self._parts.scene, names, ids, kind, agent.period, 0, ())
-        self._observation = ArrayObservation(context, agent.observation)
-        self._format = action_format(kind)
-        self._was_asked: Bools = np.zeros((worlds, count), np.bool_)
-        self.outcomes: dict[tuple[int, int], Outcome] = {}
-        """Outcomes of the vehicles whose episodes have ended, by (simulation, ego)."""
-        self._numbers: Sequence[int] = ()
+        self._seen = self.env.watch(agent.observation)
+        self._decisions = 0
+        self._asked: set[int] = set()
+        self.active: set[str] = set()
+        """Egos that drive."""
+        self.outcomes: dict[str, str] = {}
+        """Outcomes of the egos whose episodes have ended."""
 
     def __enter__(self) -> ZooDrive:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._parts.simulation.close()
+        self.env.close()
 
-    def reset(self, episode: int = 0, worlds: Sequence[int] | None = None) -> None:
-        """Begin an episode in all simulations.
-
-        Args:
-            episode: Its number.
-            worlds: Numbers of the simulations, which starts and seeds depend on; by default their rows.
-        """
-        self._numbers = worlds or range(self.world.worlds)
-        start = self._parts.schedule.start
-        self._parts.simulation.reset({row: start(each, episode) for row, each in enumerate(self._numbers)})
-        self._was_asked[:] = False
+    def reset(self) -> None:
+        """Begin the next episode."""
+        observations, _ = self.env.reset()
+        self.active, self._decisions = {*observations}, 0
+        self._asked.clear()
         self.outcomes.clear()
-        self._observation.reset(np.ones_like(self._was_asked))
 
-    @property
-    def active(self) -> Bools:
-        """Egos that drive, shape (B, E)."""
-        return self.world.agents.state[:, : self.egos] == AgentStatus.ACTIVE
-
-    def step(self) -> tuple[ActionBatch, NDArray] | None:
-        """Step all simulations; return the request and its answer if the agent was asked.
+    def step(self) -> Asked | None:
+        """Step to the next decision; return the request and its answer if a vehicle drives.
 
         Raises:
             SmartsError: The agent raises, or its answer is no action.
         """
-        actions, chosen, asked = self._parts.actions, self.active, None
-        actions.fresh[:] = False
-        if chosen.any() and self.world.step.max() % self._agent.period == 0:
-            batch = self._batch(chosen)
-            given = _act(self._agent, batch)
-            parsed = _parsed(self._name, self._format, given, len(batch.env_id))
-            places = batch.env_id, batch.agent_id
-            self._format.write(parsed, places, actions)
-            actions.given[places], actions.fresh[places] = True, True
-            actions.action_mask[places] = batch.action_mask
-            self._was_asked |= chosen
-            asked = batch, given
-        everyone = np.ones(self.world.worlds, np.bool_)
-        frame = self._parts.simulation.step(actions, everyone, np.zeros(actions.given.shape, np.bool_))
-        for row, ego in np.argwhere(frame.events.just_done[:, : self.egos]).tolist():
-            self.outcomes[row, ego] = Outcome(self.world.agents.outcome[row, ego])
+        places = [place for place, name in enumerate(self.env.agent_ids) if name in self.active]
+        asked, actions = None, {}
+        if places:
+            batch = self._batch(np.array(places))
+            answer = _act(self._agent, batch)
+            actions = {self.env.agent_ids[place]: answer[row] for row, place in enumerate(places)}
+            self._asked |= {*places}
+            asked = batch, answer
+        self._decisions += 1
+        observations, _, terminated, truncated, infos = self.env.step(actions)
+        self.active = {name for name in observations if not (terminated[name] or truncated[name])}
+        self.outcomes |= {name: each["outcome"] for name, each in infos.items() if "outcome" in each}
         return asked
 
-    def _batch(self, chosen: Bools) -> ActionBatch:
-        arrays = self._observation.observe(chosen)
-        env_id, agent_id = (each.astype(np.int32) for each in np.nonzero(chosen))
-        episode = self.world.episode[env_id].astype(np.int32)
-        seeds = [
-            _seed_of(self._seed, self._numbers[env], number, agent)
-            for env, number, agent in zip(env_id.tolist(), episode.tolist(), agent_id.tolist(), strict=True)
-        ]
+    def _batch(self, places: NDArray) -> ActionBatch:
+        count, nothing = len(places), np.zeros(len(places), np.int32)
+        seen = {name: array[0, places] for name, array in self._seen.observations.items()}
+        seeds = [hold_seed(self._seed, self.env.agent_ids[k], world=0, episode=0) for k in places.tolist()]
         return ActionBatch(
-            observations={name: array[chosen] for name, array in arrays.items()},
-            action_mask=self.world.agents.action_mask[:, : self.egos][chosen],
-            env_id=env_id,
-            agent_id=agent_id,
-            hold=agent_id.astype(np.int64),
-            episode=episode,
-            step=self.world.step[env_id].astype(np.int32),
-            is_first=~self._was_asked[chosen],
+            observations={name: array for name, array in seen.items() if name != MASK},
+            action_mask=seen.get(MASK, np.ones((count, len(LaneAction)))).astype(np.bool_),
+            env_id=nothing,
+            agent_id=places.astype(np.int32),
+            hold=places.astype(np.int64),
+            episode=nothing,
+            step=nothing + np.int32(self._decisions * self._agent.period),
+            is_first=np.array([place not in self._asked for place in places.tolist()]),
             seed=np.array(seeds, np.uint64),
-            drives=np.ones(len(env_id), np.bool_),
+            drives=np.ones(count, np.bool_),
         )
 
 
@@ -215,126 +183,115 @@ def _most_egos(built: BuiltScenario) -> int:
     return MOST_EGOS
 
 
-def _seed_of(*keys: int) -> int:
-    text = "|".join(map(str, keys))
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
-
-
 def _act(agent: Agent, batch: ActionBatch) -> NDArray:
     """Return an agent's answer to a copy of a request, which it may change.
 
     Raises:
-        OwnCodeError: It raises.
+        OwnCodeError: It raises, or answers by no array of numbers.
     """
     copies = {name: array.copy() for name, array in batch.observations.items()}
+    with _named(agent):
+        return checked_actions(agent.act(batch._replace(observations=copies)), len(batch.env_id))
+
+
+@contextmanager
+def _named(agent: Agent) -> Iterator[None]:
+    """Name an agent and its line in what it raises."""
     try:
-        return np.asarray(agent.act(batch._replace(observations=copies)))
+        yield
     except SmartsError:
         raise
-    except Exception as error:
-        raise OwnCodeError(
-            f"the agent raises {type(error).__name__}: {error}", place=f"{type(agent).__name__}.act"
-        ) from error
+    except FAILURES as error:
+        raise OwnCodeError(f"the agent {problem_of(error)}", place=f"{type(agent).__name__}.act") from error
 
 
-def _parsed(name: str, form: Any, given: NDArray, count: int) -> NDArray:
-    """Return the numbers of actions that are in their space.
-
-    Raises:
-        SmartsError: One is not, or their shape or type is wrong.
-    """
-    shape = form.space().shape
-    place, remedy = f"agent {name!r}", form.remedy()
-    wanted = (count, *shape) if not form.has_path else (count, shape[0], given.shape[-1])
-    if given.dtype.kind not in "iufb" or given.shape != wanted:
-        raise SmartsError(
-            f"{count} vehicles get actions of shape {given.shape} and type {given.dtype}",
-            place=place,
-            remedy=f"{remedy} for each vehicle: shape {wanted}",
-        )
-    parsed = form.parse_batch(given)
-    if isinstance(parsed, Rejected):
-        raise SmartsError(
-            f"the action {shown(given[parsed.first], 100)} {parsed.problem}", place=place, remedy=remedy
-        )
-    out = ~np.isclose(parsed.reshape(count, -1), given.reshape(count, -1), rtol=0, atol=1e-6).all(axis=1)
-    if out.any():
-        raise SmartsError(
-            f"the action {shown(given[np.argmax(out)], 100)} is out of bounds", place=place, remedy=remedy
-        )
-    return parsed
-
-
-def _check_repeats(locator: str, spec: AgentSpec, requests: Sequence[tuple[ActionBatch, NDArray]]) -> None:
-    """Raise unless another instance gives the same answers."""
-    agent = spec.build_agent()
-    for batch, answer in requests:
-        if not np.array_equal(answer, _act(agent, batch)):
+def _check_bounds(locator: str, kind: Any, requests: Sequence[Asked]) -> None:
+    """Raise unless all actions are in their space, which the simulation would clip them to."""
+    form = action_format(kind)
+    for _, answer in requests:
+        out = ~np.isclose(np.reshape(form.parse_batch(answer), answer.shape), answer, rtol=0, atol=1e-6)
+        if out.any():
             raise SmartsError(
-                f"the same requests get other actions at step {int(batch.step.max())}",
+                f"the action {shown(answer[np.argwhere(out)[0, 0]], 100)} is out of bounds",
                 place=f"agent {locator!r}",
-                remedy="draw random numbers from batch.seed alone, and keep nothing outside of the agent",
+                remedy=form.remedy(),
             )
 
 
-def _check_rows(locator: str, spec: AgentSpec, batches: Sequence[ActionBatch]) -> None:
-    """Raise unless a vehicle alone gets the same actions as among others of other simulations."""
+def _repeated(spec: AgentSpec, requests: Sequence[Asked]) -> Iterator[Answers]:
+    """Yield the answers of two instances."""
+    agent = spec.build_agent()
+    for batch, answer in requests:
+        yield int(batch.step.max()), answer, _act(agent, batch)
+
+
+def _alone_and_among(spec: AgentSpec, requests: Sequence[Asked]) -> Iterator[Answers]:
+    """Yield the answers to a vehicle alone, and among others of other simulations."""
     alone, among = spec.build_agent(), spec.build_agent()
-    place, own = ROWS // 2, _of_first_vehicle(batches)
-    others = [_rows(batch, np.array([row])) for batch in batches for row in range(len(batch.env_id))]
-    for number, one in enumerate(own):
+    place = ROWS // 2
+    others = [_rows(batch, np.array([row])) for batch, _ in requests for row in range(len(batch.env_id))]
+    for number, one in enumerate(_of_first_vehicle(requests)):
         # Others' requests of any step, as of vehicles that have nothing to do with this one.
         row = [others[(number * ROWS + k * k) % len(others)] for k in range(ROWS)]
         row[place] = one
         many = _joined(row)._replace(env_id=np.arange(ROWS, dtype=np.int32))
         one = one._replace(env_id=many.env_id[place : place + 1])
-        if not np.array_equal(_act(alone, one)[0], _act(among, many)[place]):
-            raise SmartsError(
-                f"a vehicle alone acts otherwise than among {ROWS} at step {int(one.step[0])}",
-                place=f"agent {locator!r}",
-                remedy="key memories by (env_id, agent_id), and let no row depend on others: "
-                "matrix products of BLAS depend on their number in the last bits",
-            )
+        yield int(one.step[0]), _act(alone, one)[0], _act(among, many)[place]
 
 
-def _check_restart(locator: str, spec: AgentSpec, batches: Sequence[ActionBatch]) -> None:
-    """Raise unless an agent forgets a vehicle when another one gets its column."""
-    agent, own = spec.build_agent(), _of_first_vehicle(batches)
+def _first_and_next(spec: AgentSpec, requests: Sequence[Asked]) -> Iterator[Answers]:
+    """Yield the answers to a vehicle, and to another one that gets its column."""
+    agent, own = spec.build_agent(), _of_first_vehicle(requests)
     first = [_act(agent, one) for one in own]
-    again = [_act(agent, one._replace(hold=one.hold + 1)) for one in own]
-    for one, before, after in zip(own, first, again, strict=True):
-        if not np.array_equal(before, after):
-            raise SmartsError(
-                f"the next vehicle in a column gets other actions at step {int(one.step[0])}",
-                place=f"agent {locator!r}",
-                remedy="let what is kept of (env_id, agent_id) start over where batch.is_first",
-            )
+    for one, before in zip(own, first, strict=True):
+        yield int(one.step[0]), before, _act(agent, one._replace(hold=one.hold + 1))
 
 
-def _of_first_vehicle(batches: Sequence[ActionBatch]) -> list[ActionBatch]:
+CHECKS = (
+    (
+        _repeated,
+        "repeats bit for bit",
+        "the same requests get other actions",
+        "draw random numbers from batch.seed alone, and keep nothing outside of the agent",
+    ),
+    (
+        _alone_and_among,
+        f"a vehicle alone acts as among {ROWS}, bit for bit",
+        f"a vehicle alone acts otherwise than among {ROWS}",
+        "key memories by (env_id, agent_id), and let no row depend on others: matrix products of BLAS depend "
+        "on their number in the last bits",
+    ),
+    (
+        _first_and_next,
+        "forgets a vehicle when the next one comes",
+        "the next vehicle in a column gets other actions",
+        "let what is kept of (env_id, agent_id) start over where batch.is_first",
+    ),
+)
+"""What yields answers that have to be equal; what an agent keeps then; what it does else; the remedy."""
+
+
+def _of_first_vehicle(requests: Sequence[Asked]) -> list[ActionBatch]:
     """Return the requests of the vehicle that is asked first, alone."""
-    env_id, agent_id = batches[0].env_id[0], batches[0].agent_id[0]
-    rows = [np.flatnonzero((batch.env_id == env_id) & (batch.agent_id == agent_id)) for batch in batches]
+    batches = [batch for batch, _ in requests]
+    rows = [np.flatnonzero(batch.agent_id == batches[0].agent_id[0]) for batch in batches]
     return [_rows(batch, row) for batch, row in zip(batches, rows, strict=True) if len(row)]
 
 
 def _joined(batches: Sequence[ActionBatch]) -> ActionBatch:
     """Return the rows of several requests as one request."""
-    names = [*batches[0].observations]
-    seen = {name: np.concatenate([each.observations[name] for each in batches]) for name in names}
-    fields = [name for name in ActionBatch._fields if name != SEEN]
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(each, name) for each in batches]) for name in fields
-    }
-    return ActionBatch(seen, **columns)
+    seen, *columns = zip(*batches, strict=True)
+    observations = {name: np.concatenate([each[name] for each in seen]) for name in seen[0]}
+    return ActionBatch(observations, *map(np.concatenate, columns))
 
 
 def _rows(batch: ActionBatch, rows: NDArray) -> ActionBatch:
-    columns: dict[str, Any] = {name: array[rows] for name, array in batch._asdict().items() if name != SEEN}
-    return ActionBatch({name: array[rows] for name, array in batch.observations.items()}, **columns)
+    columns: list[Any]
+    seen, *columns = batch
+    return ActionBatch({name: array[rows] for name, array in seen.items()}, *(each[rows] for each in columns))
 
 
-def _drive_objects(locator: str, spec: AgentSpec, scenario: str, steps: int) -> int:
+def _drive_objects(spec: AgentSpec, scenario: str, steps: int) -> int:
     """Drive one vehicle by an agent that acts on observations as objects; return the steps."""
     with closing(HiWayEnv([scenario], {"agent": spec})) as env:
         agent = spec.build_agent()
@@ -342,14 +299,8 @@ def _drive_objects(locator: str, spec: AgentSpec, scenario: str, steps: int) -> 
         for step in range(steps):
             if "agent" not in observations:
                 return step
-            try:
+            with _named(agent):
                 action = agent.act(observations["agent"])
-            except SmartsError:
-                raise
-            except Exception as error:
-                raise OwnCodeError(
-                    f"the agent raises {type(error).__name__}: {error}", place=f"agent {locator!r}"
-                ) from error
             observations, _, terminated, truncated, _ = env.step({"agent": action})
             if terminated["agent"] or truncated["agent"]:
                 return step + 1

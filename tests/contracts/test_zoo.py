@@ -121,8 +121,8 @@ def test_the_page_lists_all_agents():
 def test_nothing_begins_in_the_air_lock(name):
     """What an agent sees while traffic drives its vehicle changes nothing of what it does when it drives."""
     spec = make_spec(name, **OPTIONS.get(name, {}))
-    with ZooDrive(name, spec, spec.build_agent(), "loop", egos=1) as drive:
-        drive.reset(1)
+    with ZooDrive(spec, spec.build_agent(), "loop", egos=1) as drive:
+        drive.reset()
         batches = [asked[0] for _ in range(90) if (asked := drive.step())]
     begin = len(batches) // 2
     fresh, shadow = spec.build_agent(), spec.build_agent()
