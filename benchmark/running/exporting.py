@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -22,7 +22,7 @@ from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
-from benchmark.results.files import replace_folder
+from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
@@ -30,7 +30,6 @@ from smarts.errors import SmartsError
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.observations.own_state import AgentIndex
-from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
 from smarts_agent_kit.exported import JOINT_Q, TRAINED
 from smarts_agent_kit.weights import CONTENT, DIGESTS, FORMAT, HEAR, policy_digests, weights_file
@@ -52,6 +51,15 @@ register(
 )
 '''
 _INDEX = "agent_index"
+TALKING = (CommNetModule, NetworkedQModule)
+"""Policies whose messages are exported."""
+LAYERS = {
+    nn.Linear: ("linear", ("weight", "bias")),
+    nn.GRUCell: ("gru", ("weight_ih", "bias_ih", "weight_hh", "bias_hh")),
+    nn.Tanh: ("tanh", ()),
+    nn.ReLU: ("relu", ()),
+}
+"""Layer -> its kind in an exported policy, and its parameters."""
 
 
 def export_policy(
@@ -84,11 +92,7 @@ def export_policy(
             remedy="use a-z, 0-9 and '-', as left-turner",
         )
     locator, folder = f"{name}-v0", out / name.replace("-", "_")
-    check_name(locator)
-    if folder.exists():
-        raise SmartsError(
-            "exists already", place=str(folder), remedy="remove it, or choose another --zoo or --out"
-        )
+    check_free(folder)
     run_folder = RunFolder(path)
     run = read_run(run_folder, imports)
     content, weights = described(run, checked_modules(run, run_folder.kept(checkpoint)))
@@ -121,20 +125,21 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], lis
     Raises:
         SmartsError: A policy cannot act by itself, or in the zoo.
     """
-    spec = next(iter(modules.values())).spec
-    environment = run.task_setting.environment
-    if environment.adapter is not None:
-        raise _refusal(run, f"the run's own adapter {environment.adapter!r} makes its observations")
-    if len(spec.spaces.blocks) > 1:
-        raise _refusal(run, "its agents have different observations or actions")
+    if reason := next(_hindrances(run, modules), None):
+        raise SmartsError(
+            f"the policy cannot be exported: {reason}",
+            place=str(run),
+            remedy="export a run whose agents act on their own observation, such as ppo, dqn or maddpg",
+        )
+    environment, spec = run.task_setting.environment, next(iter(modules.values())).spec
     (block,) = spec.spaces.blocks
-    observation, index = _without_index(run, feature_list(environment.observation), len(block.agents))
+    observation, index = _without_index(feature_list(environment.observation), len(block.agents))
     driving, content = environment.driving(), {"format": FORMAT, "run": str(run)}
     agents: dict[str, Any] = {}
     groups: dict[str, Any] = {}
     weights: list[dict[str, NDArray]] = []
     for group in spec.groups:
-        layers = _checked_layers(run, group, modules[group.id])
+        layers = [_exported_layer(each) for each in _chain(modules[group.id])]
         sets = _sets(modules[group.id])
         groups[group.id] = {
             "places": _places(modules[group.id]),
@@ -178,36 +183,58 @@ def trained_content(run: Run) -> dict[str, Any]:
 
 def _places(module: Any) -> int:
     """Return how many numbers say which agent of its group an agent is; 0 where a policy does without."""
-    is_alike = isinstance(module, CommNetModule | NetworkedQModule) or module.group.size == 1
+    is_alike = isinstance(module, TALKING) or module.group.size == 1
     return 0 if is_alike else module.group.size
 
 
-def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list[NDArray]]]:
-    """Return a policy's layers, each a kind and its arrays.
+def _hindrances(run: Run, modules: Mapping[str, Any]) -> Iterator[str]:
+    """Yield why policies cannot act by themselves, or in the zoo."""
+    environment, spec = run.task_setting.environment, next(iter(modules.values())).spec
+    if environment.adapter is not None:
+        yield f"the run's own adapter {environment.adapter!r} makes its observations"
+    if len(spec.spaces.blocks) > 1:
+        yield "its agents have different observations or actions"
+    features = feature_list(environment.observation)
+    for each in (*features.stacked, *features.features):
+        kind = each.kind()
+        if not isinstance(each.source, str):
+            yield f"it observes the class {each.name!r}, which has no name"
+        depends = kind.size_for(1) != kind.size_for(2)
+        if depends and (kind is not AgentIndex or each in features.stacked):
+            yield f"its observation {each.name!r} depends on the number of agents"
+    for group in spec.groups:
+        yield from _hindrances_of(group, modules[group.id])
 
-    Raises:
-        SmartsError: It reads more than its agent's own observation, or is no chain of known layers.
-    """
-    talks = isinstance(module, CommNetModule | NetworkedQModule)
-    if module.acts_jointly or (module.communicates and not talks):
-        raise _refusal(run, "its policies need messages or actions of other agents to act")
-    foreign = [name for name in group.observation if name.startswith(CARRIED) and name != MEMORY]
-    if foreign:
-        raise _refusal(run, f"its policies see what others do, or draw ({', '.join(foreign)})")
+
+def _hindrances_of(group: Group, module: Any) -> Iterator[str]:
+    """Yield why a group's policy cannot act by itself."""
+    if module.acts_jointly or (module.communicates and not isinstance(module, TALKING)):
+        yield "its policies need messages or actions of other agents to act"
+    if foreign := [name for name in group.observation if name.startswith(CARRIED) and name != MEMORY]:
+        yield f"its policies see what others do, or draw ({', '.join(foreign)})"
     if any(len(space.shape) == 3 for space in group.observation.values()):
-        raise _refusal(run, "its policies see images, whose convolutions are not exported")
+        yield "its policies see images, whose convolutions are not exported"
+    layers = _chain(module)
+    if unknown := [type(each).__name__ for each in layers if not isinstance(each, (tuple, *LAYERS))]:
+        yield f"its policy has a layer {unknown[0]}, which is not exported"
+    if not layers:
+        yield "its policy is no chain of layers"
+
+
+def _chain(module: Any) -> list[Any]:
+    """Return a policy's layers in order, of CommNet some as kind and arrays; empty if they are no chain."""
     if isinstance(module, CommNetModule):
-        return _talking_layers(run, module)
+        return [*module.first, *_hearing_layers(module), *module.decoder]
     if isinstance(module, NetworkedQModule):
-        return _layers(run, list(module.q.folded()))
+        return [*module.q.folded()]
     parts = module.feedforward_parts()
     if parts is not None:
-        return _layers(run, list(parts[1]))
+        return [*parts[1]]
     if module.memory_size and hasattr(module, "trunk"):
-        return _layers(run, [*module.trunk, module.memory.cell, *module.body])
+        return [*module.trunk, module.memory.cell, *module.body]
     if module.memory_size and hasattr(module, "q"):
-        return _layers(run, [*module.q.trunk, module.q.memory.cell, module.q.folded()[-1]])
-    raise _refusal(run, "its policy is no chain of layers")
+        return [*module.q.trunk, module.q.memory.cell, module.q.folded()[-1]]
+    return []
 
 
 def _sets(module: Any) -> dict[str, list[NDArray]]:
@@ -222,36 +249,24 @@ def _sets(module: Any) -> dict[str, list[NDArray]]:
     return {name: _arrays(*rows.layers.parameters()) for name, rows in encoder.set_networks.items()}
 
 
-def _talking_layers(run: Run, module: CommNetModule) -> list[tuple[str, list[NDArray]]]:
-    """Return CommNet's layers: encoder, communication layers, output layers."""
-    hears = []
+def _hearing_layers(module: CommNetModule) -> Iterator[tuple[str, list[NDArray]]]:
+    """Yield CommNet's communication layers as kind and arrays."""
     for keep, hear in zip(module.keep, module.hear, strict=True):
         weight = cast("nn.Linear", hear).weight
         heard = weight if module.settings["channel"] else torch.zeros_like(weight)
-        hears.append((HEAR, _arrays(keep.weight, keep.bias, heard)))
-    return [*_layers(run, list(module.first)), *hears, *_layers(run, list(module.decoder))]
+        yield HEAR, _arrays(keep.weight, keep.bias, heard)
 
 
 def _arrays(*tensors: Any) -> list[NDArray]:
     return [np.ascontiguousarray(each.detach().cpu().numpy().T) for each in tensors]
 
 
-def _layers(run: Run, modules: Sequence[nn.Module]) -> list[tuple[str, list[NDArray]]]:
-    """Return networks as kinds and arrays; matrices have the shape (inputs, outputs)."""
-    found: list[tuple[str, list[NDArray]]] = []
-    for module in modules:
-        if isinstance(module, nn.Linear):
-            found.append(("linear", _arrays(module.weight, module.bias)))
-        elif isinstance(module, nn.GRUCell):
-            given = module.weight_ih, module.bias_ih, module.weight_hh, module.bias_hh
-            found.append(("gru", _arrays(*given)))
-        elif isinstance(module, nn.Tanh):
-            found.append(("tanh", []))
-        elif isinstance(module, nn.ReLU):
-            found.append(("relu", []))
-        else:
-            raise _refusal(run, f"its policy has a layer {type(module).__name__}, which is not exported")
-    return found
+def _exported_layer(layer: Any) -> tuple[str, list[NDArray]]:
+    """Return a layer as kind and arrays; matrices have the shape (inputs, outputs)."""
+    if isinstance(layer, tuple):
+        return layer
+    kind, names = next(found for known, found in LAYERS.items() if isinstance(layer, known))
+    return kind, _arrays(*(getattr(layer, name) for name in names))
 
 
 def _head(module: Any, block: Any) -> dict[str, Any]:
@@ -263,21 +278,11 @@ def _head(module: Any, block: Any) -> dict[str, Any]:
     return {"head": kinds[type(module.head)], "bounds": bounds}
 
 
-def _without_index(run: Run, features: FeatureList, agents: int) -> tuple[Any, dict[str, int] | None]:
+def _without_index(features: FeatureList, agents: int) -> tuple[Any, dict[str, int] | None]:
     """Return the observation without the feature `agent_index`, and where that was in the vector.
 
     In the zoo there is another number of agents; the exported policy fills in which one it is.
-
-    Raises:
-        SmartsError: The feature is kept for several decisions, or another depends on the number of agents.
     """
-    for each in (*features.stacked, *features.features):
-        kind = each.kind()
-        if not isinstance(each.source, str):
-            raise _refusal(run, f"it observes the class {each.name!r}, which has no name")
-        depends = kind.size_for(1) != kind.size_for(2)
-        if depends and (kind is not AgentIndex or each in features.stacked):
-            raise _refusal(run, f"its observation {each.name!r} depends on the number of agents")
     kept = [each for each in features.features if each.name != _INDEX]
     index = None
     if len(kept) < len(features.features):
@@ -292,11 +297,3 @@ def _without_index(run: Run, features: FeatureList, agents: int) -> tuple[Any, d
 
 def _plain(choice: FeatureChoice) -> Any:
     return {choice.source: dict(choice.options)} if choice.options else choice.source
-
-
-def _refusal(run: Run, reason: str) -> SmartsError:
-    return SmartsError(
-        f"the policy cannot be exported: {reason}",
-        place=str(run),
-        remedy="export a run whose agents act on their own observation, such as ppo, dqn or maddpg",
-    )

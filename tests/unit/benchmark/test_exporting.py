@@ -291,7 +291,7 @@ def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_pat
     assert interface_from(json.loads(said), "there") == spec.interface
     with pytest.raises(ExportError):
         KitPolicy(exported, "agent-9")
-    with pytest.raises(SmartsError, match="exists"):
+    with pytest.raises(SmartsError, match=r"holds '__init__\.py'"):
         export_policy(folder.path, "plain-driver", tmp_path, checkpoint="last")
     with pytest.raises(SmartsError, match="Plain"):
         export_policy(folder.path, "Plain", tmp_path, checkpoint="last")
