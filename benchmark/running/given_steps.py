@@ -54,30 +54,24 @@ def check_step(now: VectorStep, blocks: Sequence[AgentBlock]) -> None:
     Raises:
         ActionError: It has other agents, other observations, or no action masks.
     """
-    if len(now.observations) != len(blocks):
-        raise _unfit(f"{len(now.observations)} kinds of agents", f"{len(blocks)}")
     masks = now.masks or (None,) * len(blocks)
-    for block, leaves, mask in zip(blocks, now.observations, masks, strict=True):
-        count = len(now.alive), len(block.agents)
-        for leaf, box in block.observation.items():
-            wanted = (*count, *box.shape)
-            if leaf not in leaves:
-                raise _unfit(f"no {leaf or 'observation'!r}", "one")
-            if leaves[leaf].shape != wanted:
-                raise _unfit(f"{leaf or 'observation'!r} of shape {leaves[leaf].shape}", str(wanted))
-        if block.masked:
-            wanted = (*count, action_size(block.action))
-            if mask is None or mask.shape != wanted:
-                found = "no action mask" if mask is None else f"action masks of shape {mask.shape}"
-                raise _unfit(found, str(wanted))
+    given = [{**leaves, MASK: mask} for leaves, mask in zip(now.observations, masks, strict=False)]
+    found = [{name: np.shape(array) for name, array in each.items()} for each in given]
+    wanted = [_shapes_of(block, len(now.alive)) for block in blocks]
+    fits = (each.items() <= there.items() for each, there in zip(wanted, found, strict=False))
+    if len(found) != len(wanted) or not all(fits):
+        raise ActionError(
+            f"the environment gives arrays of shapes {found}, and the policy was trained with {wanted}",
+            place="Policy.act",
+            remedy="use the number of agents, the observation and the action mask of the training",
+        )
 
 
-def _unfit(found: str, trained: str) -> ActionError:
-    return ActionError(
-        f"the environment gives {found}, and the policy was trained with {trained}",
-        place="Policy.act",
-        remedy="use the number of agents, the observation and the action mask of the training",
-    )
+def _shapes_of(block: AgentBlock, count: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of a block's observations, and of its action mask, in some simulations."""
+    before = count, len(block.agents)
+    shapes = {leaf: (*before, *box.shape) for leaf, box in block.observation.items()}
+    return shapes | ({MASK: (*before, action_size(block.action))} if block.masked else {})
 
 
 def among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
@@ -125,23 +119,15 @@ def fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
         ActionError: It lacks an array, or has one of another shape.
     """
     for leaf, row in rows.items():
-        try:
-            part = seen
-            if isinstance(seen, Mapping):
-                full = leaf or "observation"
-                for key in [full] if full in seen else full.split("/"):
-                    part = part[key]
-            array = np.asarray(part)
-        except (KeyError, TypeError) as error:
+        part: Any = seen
+        full = leaf or "observation"
+        if isinstance(seen, Mapping):
+            for key in [full] if full in seen else full.split("/"):
+                part = part.get(key, {})
+        if np.shape(part) != row.shape:
             raise ActionError(
-                f"the observation of {name!r} has no {leaf or 'observation'!r}",
-                place="Policy.act",
-                remedy="use the observation of the training",
-            ) from error
-        if array.shape != row.shape:
-            raise ActionError(
-                f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
+                f"{full!r} of {name!r} has the shape {np.shape(part)}, not {row.shape}",
                 place="Policy.act",
                 remedy="use the number of agents and the observation of the training",
             )
-        row[...] = array
+        row[...] = part

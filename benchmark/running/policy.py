@@ -113,16 +113,6 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         ResultsError: The folder has no run, or its config is damaged.
         OwnCodeError: A file or folder of own code does not exist.
     """
-    if not folder.path.exists():
-        beside = folder.path.parent.iterdir() if folder.path.parent.is_dir() else ()
-        near = nearest_names(folder.path.name, (each.name for each in beside if each.is_dir()))
-        raise ResultsError(
-            "there is no such folder",
-            place=str(folder.path),
-            remedy=near
-            if near.startswith("did you mean")
-            else "give the folder of a run or of an exported policy",
-        )
     try:
         facts = folder.facts()
         run = run_from(folder.read_config())
@@ -132,12 +122,12 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         import_own(own)
         return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
     except (ResultsError, ValueError) as error:
-        reason = error.problem if isinstance(error, ResultsError) else error
+        beside = (each.name for each in folder.path.parent.glob("*/"))
         raise ResultsError(
-            f"not a run: {reason}",
-            place=(error.place if isinstance(error, ResultsError) else "") or str(folder.config),
+            f"not a run: {getattr(error, 'problem', error)}",
+            place=str(folder.config if folder.path.exists() else folder.path),
             remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1, or that "
-            "of an exported policy",
+            f"of an exported policy; beside it, {nearest_names(folder.path.name, beside)}",
         ) from error
 
 
@@ -239,15 +229,12 @@ class Policy:
             check_step(observations, self._blocks)
             # The environment reuses the array, and which agents acted has to be known after its next step.
             return [*self._choose(observations._replace(alive=observations.alive.copy()))]
-        infos = infos or {}
+        infos, only = infos or {}, self.agents[0]
         # An empty dict is one by agent: none is active at the moment.
-        if isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents}):
+        is_by_agent = isinstance(observations, Mapping) and {*observations} <= {*self.agents}
+        if len(self.agents) > 1 or is_by_agent:
             actions = self._by_name(self._choose(self._step_of(observations, infos)))
             return {name: actions[name] for name in observations}
-        if len(self.agents) > 1:
-            known = nearest_names(str(next(iter(observations), "")), self.agents)
-            raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
-        only = next(iter(self.agents))
         return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
 
     def act_for(self, agents: NDArray[np.bool_], now: VectorStep, worlds: NDArray) -> list[NDArray]:
@@ -299,18 +286,13 @@ class Policy:
             ActionError: Its agents have other names, or decide in other steps.
             SmartsError: Its agents do not fit the observation.
         """
-        if tuple(env.agent_ids) != self.agents:
-            raise ActionError(
-                f"the environment has the agents {env.agent_ids}",
-                place="Policy.attach",
-                remedy=f"the policy was trained for {[*self.agents]}, in this order",
-            )
         given = self._run.task_setting.environment
-        if env.decision_interval != given.decision_interval:
+        if (*env.agent_ids, env.decision_interval) != (*self.agents, given.decision_interval):
             raise ActionError(
-                f"the environment's decision_interval is {env.decision_interval}",
+                f"the environment has the agents {env.agent_ids}, decision_interval={env.decision_interval}",
                 place="Policy.attach",
-                remedy=f"make it with decision_interval={given.decision_interval}, as in the training",
+                remedy=f"make it with the agents of the training, {[*self.agents]} in this order, and "
+                f"decision_interval={given.decision_interval}",
             )
         self._attached = env.watch(
             given.observation, given.reward, adapter=given.adapter, adapter_options=given.adapter_options

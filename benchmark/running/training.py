@@ -17,7 +17,7 @@ import ray
 from ray import cloudpickle
 from ray.tune.registry import register_env
 
-from algorithms.errors import AlgorithmError, DamagedCheckpointError
+from algorithms.errors import AlgorithmError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.fitting import Agents, fitted_weights
@@ -165,18 +165,11 @@ def restore(algo: Any, checkpoint: Path) -> None:
     """Restore an algorithm from a checkpoint.
 
     Raises:
-        ResultsError: The checkpoint is damaged; it names the file.
+        ResultsError: The checkpoint is damaged.
         AlgorithmError: The checkpoint does not fit the algorithm.
     """
     check_checkpoint(checkpoint)
-    try:
-        algo.restore_from_path(str(checkpoint.absolute()))
-    except Exception as error:  # unpickling half a file may raise anything
-        if isinstance(error, AlgorithmError) and not isinstance(error, DamagedCheckpointError):
-            raise
-        for file in sorted(checkpoint.rglob("*.pkl")):
-            unpickled(file)
-        raise checkpoint_error(error, checkpoint) from error
+    algo.restore_from_path(str(checkpoint.absolute()))
 
 
 def index_of(run: Run) -> int | None:
@@ -225,23 +218,12 @@ def unpickled(file: Path) -> Any:
         with file.open("rb") as stream:
             return cloudpickle.load(stream)
     except Exception as error:  # unpickling half a file may raise anything
-        raise checkpoint_error(error, file) from error
-
-
-def checkpoint_error(error: Exception, place: Path) -> ResultsError:
-    """Return the error for a checkpoint that cannot be read."""
-    if isinstance(error, ModuleNotFoundError):
-        return ResultsError(
-            f"the checkpoint needs the module {error.name!r}, which cannot be imported",
-            place=str(place),
-            remedy="name its file or folder in `imports`; if the checkpoint is damaged, test the other one: "
-            "--checkpoint last or best",
-        )
-    return ResultsError(
-        f"the checkpoint is damaged, or of another version of this program: {type(error).__name__}: {error}",
-        place=str(place),
-        remedy=OTHER_CHECKPOINT,
-    )
+        is_own = isinstance(error, ModuleNotFoundError)
+        raise ResultsError(
+            f"damaged, or of another version of this program: {type(error).__name__}: {error}",
+            place=str(file),
+            remedy=f"name the file or folder of {error.name!r} in `imports`" if is_own else OTHER_CHECKPOINT,
+        ) from error
 
 
 class Training:
