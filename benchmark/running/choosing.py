@@ -36,16 +36,13 @@ def write_chosen(
         section: Its section `tune`.
         tables: Algorithm and table of trials of each search.
         root: Folder of both files.
-
-    Raises:
-        SweepError: The conditions of an algorithm have not had the same settings.
     """
     chosen, averages = {}, []
     for algorithm in experiment.algorithms:
         names = [name for name in section.parameters if name in setting_names(algorithm)]
         conditions = [_read(file, names, section.metric) for name, file in tables if name == algorithm]
-        mean = mean_over_conditions(conditions, names, section.metric, f"{root}: {algorithm}")
-        chosen[algorithm] = {name: setting_of(mean[name].tolist()[0]) for name in names}
+        mean = mean_over_conditions(conditions, names, section.metric)
+        chosen[algorithm] = {name: json.loads(mean[name].tolist()[0]) for name in names}
         averages.append(mean.assign(algorithm=algorithm, cells=len(conditions)))
     table = pd.concat(averages, ignore_index=True)
     write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
@@ -68,7 +65,7 @@ def _read(file: Path, names: Sequence[str], metric: str) -> pd.DataFrame:
 
 
 def mean_over_conditions(
-    conditions: Sequence[pd.DataFrame], names: Sequence[str], metric: str, place: str
+    conditions: Sequence[pd.DataFrame], names: Sequence[str], metric: str
 ) -> pd.DataFrame:
     """Return each choice of settings with its mean metric, the best first.
 
@@ -76,15 +73,8 @@ def mean_over_conditions(
         conditions: Trials in each condition: columns of settings and metrics.
         names: Names of the settings.
         metric: Its name; repeated trials of one choice are averaged in each condition first.
-        place: What an error names.
-
-    Raises:
-        SweepError: The conditions have not had the same settings.
     """
     keyed = [table.set_index(table[[*names]].astype(str).agg("; ".join, axis=1)) for table in conditions]
-    if any(sorted(each.index) != sorted(keyed[0].index) for each in keyed):
-        remedy = "remove the folder to search again"
-        raise SweepError("the conditions have had different settings", place=place, remedy=remedy)
     choices = keyed[0].loc[~keyed[0].index.duplicated(), [*names]]
     means = {number: each.groupby(level=0)[metric].mean() for number, each in enumerate(keyed)}
     table = choices.assign(**{metric: pd.DataFrame(means).mean(axis=1)})
@@ -94,11 +84,3 @@ def mean_over_conditions(
 def text_of(setting: Any) -> str:
     """Return a setting as tables hold it, in JSON."""
     return json.dumps(setting, default=lambda number: number.item())
-
-
-def setting_of(text: str) -> Any:
-    """Return the setting of a text; tables of earlier versions have bare words, and Python's True."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return yaml.safe_load(text)

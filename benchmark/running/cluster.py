@@ -18,6 +18,7 @@ from ray.experimental.internal_kv import _internal_kv_del, _internal_kv_exists, 
 
 from benchmark.experiment.models import Resources
 from benchmark.results.files import ResultsError, first_line
+from benchmark.running.signals import handled
 
 OWN = "local"
 """Ray's address that starts a local cluster; without one it joins any cluster of this machine."""
@@ -35,19 +36,13 @@ def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None
         runtime_env: What Ray brings to the machines of the cluster; see `shipped_code`.
 
     Raises:
-        ResultsError: There is no cluster at the address, Ray does not start, or there is too little; or an
-            address is given in a process in which Ray runs already.
+        ResultsError: There is no cluster at the address, Ray does not start, or there is too little.
     """
-    if resources.address is not None and ray.is_initialized():
-        raise ResultsError(
-            f"{resources.address!r} has no effect: Ray runs in this process already",
-            place=PLACE,
-            remedy="leave the address out, or let Ray be started by it: no ray.init before",
-        )
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     address = OWN if resources.address is None else _address_of(resources.address)
     try:
-        with _own_sigterm(), _own_groups():
+        # This process's own way to take SIGTERM, which Ray replaces by an exit, comes back.
+        with handled(signal.getsignal(signal.SIGTERM), signal.SIGTERM), _own_groups():
             ray.init(
                 address=address,
                 include_dashboard=False if address == OWN else None,
@@ -117,20 +112,15 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
         ResultsError: There is less.
     """
     cpus, needed = int(sum(node.get("CPU", 0) for node in nodes)), resources.processes
+    share, learners, place = resources.learner_gpus, max(resources.learners, 1), "learner_gpus"
+    most = learners_on(nodes, share) if share else learners
+    problem = f"{learners} learners need {share:g} GPUs each, on one machine each; Ray has room for {most}"
     if needed > cpus:
-        largest = max(("env_runners", "learners"), key=lambda name: getattr(resources, name))
-        raise ResultsError(
-            f"a run needs {needed} CPUs, one for itself, each env runner and each learner; Ray has {cpus}",
-            place=f"resources.{largest}",
-            remedy=f"give at most {max(0, cpus - needed + getattr(resources, largest))}",
-        )
-    share, learners = resources.learner_gpus, max(resources.learners, 1)
-    if share and learners > (most := learners_on(nodes, share)):
-        raise ResultsError(
-            f"{learners} learners need {share:g} GPUs each, on one machine each; Ray has room for {most}",
-            place="resources.learner_gpus",
-            remedy="ask for fewer of them, or of learners",
-        )
+        place = max(("env_runners", "learners"), key=lambda name: getattr(resources, name))
+        problem = f"a run needs {needed} CPUs, one for itself, each env runner and learner; Ray has {cpus}"
+    if needed > cpus or learners > most:
+        remedy = "ask for fewer env_runners, learners or learner_gpus"
+        raise ResultsError(problem, place=f"resources.{place}", remedy=remedy)
 
 
 def learners_on(nodes: Sequence[Mapping[str, float]], share: float) -> int:
@@ -164,19 +154,6 @@ def _address_of(given: str) -> str:
             f"there is no Ray cluster at {given!r}: {first_line(error)}", place=PLACE, remedy=REMEDY
         ) from error
     return address
-
-
-@contextmanager
-def _own_sigterm() -> Iterator[None]:
-    """Keep this process's way to take SIGTERM, which Ray replaces by an exit."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 _starting = threading.local()

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import ray
@@ -26,10 +25,11 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.environments import DT, given_hosts
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
-from benchmark.running.live import LiveProgress, episodes_of, plan
+from benchmark.running.live import LiveProgress, plan
 from benchmark.running.machine import command, commit
 from benchmark.running.played import held_out_of, scenario_digests, scenarios_by_traffic
 from benchmark.running.shipping import shipped_code
+from benchmark.running.signals import handled
 from smarts.agents.hosting.options import hosts_of
 from smarts.agents.social import bubble_learning, social_agents
 from smarts.errors import SmartsError
@@ -52,7 +52,7 @@ def interruptible(work: Callable[[], int], left: str) -> int:
         The exit code: the function's, or `INTERRUPTED`.
     """
     try:
-        with _stoppable():
+        with handled(signal.default_int_handler, signal.SIGTERM):  # like Ctrl-C
             return work()
     except KeyboardInterrupt:
         return interrupted(left)
@@ -73,9 +73,6 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         live = LiveProgress()
         scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, experiment.log, live.show)
         check_scenarios(scheduler, scenarios)
-        for state in scheduler.states:
-            setting = state.job.task_setting
-            state.episodes = episodes_of(state.job, len([*held_out_of(setting)]))
         keep_command(root, experiment, command())
         if scheduler.is_done:
             return _summarize(scheduler.states, root)
@@ -168,22 +165,20 @@ def check_version(experiment: Experiment) -> None:
     version = experiment.benchmark_version
     if version is None:
         return
-    for number, task in enumerate(experiment.tasks):
-        if task.names != [task.name]:
-            raise SmartsError(
-                f"task {task.name!r} plays {', '.join(task.names)}; in a benchmark version, it plays one "
-                "scenario, which has its name",
-                place=f"tasks[{number}]",
-                remedy="name the scenario alone, or set benchmark_version: null",
-            )
-    place, remedy = "benchmark_version", "leave it out, or restore what the version froze"
-    found = differences(version, scenarios_by_traffic(experiment), experiment.environment)
-    if found:
-        lines = "".join(f"\n  {line}" for line in found)
-        raise SmartsError(f"differs from version {version}:{lines}", place=place, remedy=remedy)
+    found = [
+        f"task {task.name!r} plays {', '.join(task.names)}, not the one scenario of its name"
+        for task in experiment.tasks
+        if task.names != [task.name]
+    ]
+    found += differences(version, scenarios_by_traffic(experiment), experiment.environment)
     if str(commit()).endswith("+"):
-        problem = f"results of version {version} need a clean tree: there are changes that are not committed"
-        raise SmartsError(problem, place=place, remedy="commit or stash them, or leave it out")
+        found.append("the source tree has changes that are not committed: commit or stash them")
+    if found:
+        raise SmartsError(
+            f"differs from version {version}:" + "".join(f"\n  {line}" for line in found),
+            place="benchmark_version",
+            remedy="leave it out, or restore what the version froze",
+        )
 
 
 def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -> None:
@@ -207,7 +202,7 @@ def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -
 def _check_spaces(experiment: Experiment) -> None:
     """Check that the algorithms fit the agents' spaces, where these depend on own code or differ.
 
-    A short episode is played and measured for it, and some steps by own scripted policies.
+    A short episode is played and measured for it.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
@@ -215,10 +210,6 @@ def _check_spaces(experiment: Experiment) -> None:
     """
     task_setting = task_settings_of(experiment)[0]
     is_mixed = isinstance(task_setting.environment.agents, dict)
-    if own_names(experiment.scripted):
-        from benchmark.running.trying import try_scripted
-
-        try_scripted(task_setting, experiment.scripted)
     if not is_mixed and not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
         return
     # Imported here, so that the driver's process loads the simulation only where it is played.
@@ -275,16 +266,6 @@ def _summarize(states: Sequence[JobState], root: Path) -> int:
         )
     print(f"results: {root}")
     return FAILED if failed else 0
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """Handle SIGTERM like Ctrl-C."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def run(experiment: Experiment | str | Path, out: str | Path = "results") -> Results:

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import tempfile
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,10 +23,11 @@ from benchmark.experiment.models import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
 from benchmark.results.reading import packed_contents, run_folder
-from benchmark.results.run_folder import CHECKPOINT, FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
 from benchmark.running.cluster import check_ray, check_room, is_stopping, learners_on, living_nodes, stopping
 from benchmark.running.importing import named_own_code
-from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, Noted, RunProgress
+from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, RunProgress
+from benchmark.running.signals import handled
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, shortened
 from smarts.locked_folders import make_locked, remove_left
@@ -37,7 +37,6 @@ ATTEMPTS = 3
 """How often a job may lose its process, without a checkpoint in between, before it has failed."""
 STOP_SECONDS = 60.0
 """Time limit for saving: an iteration, a validation and a checkpoint [s]."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 Job = Run | ScriptedRun
 
@@ -56,12 +55,6 @@ class JobState:
     """Iteration of the checkpoint that the job continues from; 0: it begins."""
     heard: float = 0.0
     """Time of its last message, by the monotonic clock [s]."""
-    testing_since: float = 0.0
-    """Time at which its test began, by the same clock [s]."""
-    episodes: int = 0
-    """Number of its test episodes."""
-    rates: dict[str, float] = field(default_factory=dict)
-    """TRAINING -> agent-steps a second, TESTING -> episodes a second, as far as they are known."""
     error: str = ""
     folder: Any = field(default=None, repr=False)
     """The run's folder, or its packed results."""
@@ -86,7 +79,7 @@ class JobScheduler:
         root: Folder of the experiment's results.
         resources: Needed by each run.
         loggers: Names of what shows their progress.
-        show: Called with the states of all jobs, and how many run side by side, when one changes.
+        show: Called with the states of all jobs when one changes.
 
     Raises:
         ResultsError: A job's folder holds other results, or cannot be written.
@@ -98,7 +91,7 @@ class JobScheduler:
         root: Path,
         resources: Resources,
         loggers: Sequence[str] = (),
-        show: Callable[[Sequence[JobState], int], None] = lambda states, at_once: None,
+        show: Callable[[Sequence[JobState]], None] = lambda states: None,
     ) -> None:
         self.states = [JobState(job) for job in jobs]
         packed = packed_contents(root)
@@ -142,7 +135,7 @@ class JobScheduler:
         return self.states
 
     def _report(self) -> None:
-        self._show(self.states, self.most_at_once())
+        self._show(self.states)
 
     def stop(self) -> None:
         """Wait at most `STOP_SECONDS` until training runs have saved; other jobs have nothing to save."""
@@ -247,13 +240,6 @@ class JobScheduler:
         progress = state.writer.take(message)
         if progress is not None:
             state.progress, state.status = progress, progress.phase
-            if progress.phase == TRAINING:
-                state.rates[TRAINING] = progress.line["agent_steps"] / max(progress.line["seconds"], 0.01)
-            if progress.phase == TESTING:
-                took = max(state.heard - state.testing_since, 0.01)
-                state.rates[TESTING] = progress.share * state.episodes / took
-        if isinstance(message, Noted) and message.values.get("status") == TESTING:
-            state.testing_since = state.heard
         if isinstance(message, Kept) and message.place == CHECKPOINT:
             state.attempts = 1
 
@@ -261,18 +247,11 @@ class JobScheduler:
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Put off Ctrl-C and SIGTERM, lest a message be lost between Ray and the disk."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     came: list[int] = []
-    before = {each: signal.signal(each, lambda number, frame: came.append(number)) for each in _SIGNALS}
-    try:
+    with handled(lambda number, frame: came.append(number), signal.SIGINT, signal.SIGTERM):
         yield
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
-        if came:
-            signal.raise_signal(came[0])
+    if came:
+        signal.raise_signal(came[0])
 
 
 def _words(error: BaseException) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
+from rich.text import Text
 
 from benchmark.experiment.models import Budget
 from benchmark.experiment.runs import Run
@@ -19,19 +19,17 @@ from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
 from benchmark.running.messages import STARTING, WAITING
 
 if TYPE_CHECKING:
-    from benchmark.running.jobs import Job, JobState
+    from benchmark.running.jobs import JobState
 
-ASSUMED = {TRAINING: 2500.0, TESTING: 2.5}
-"""Agent-steps and episodes a second of jobs of which nothing is known yet: as on two cores of a server."""
+TRAINED = 0.9
+"""Share of a training in its job; the rest is its test."""
 MOST_ROWS = 12
-"""Rows of the table."""
+"""Lines of a terminal about jobs."""
 STARTS = "waits for free CPUs, loads, and compiles kernels where `smarts-bench compile` has not run"
 """What a starting job does; shown for the first one."""
 SECONDS = 30.0
 """Time between two lines of a job if the output is no terminal [s]."""
 OUTCOMES = ("return", "completion", "collision")
-COLUMNS = ("done", "iteration", "agent-steps/s", *OUTCOMES, "training left")
-"""Columns of the table, beside the run and its phase."""
 TOTAL_SECONDS = 60.0
 """Time between two lines about all jobs if the output is no terminal [s]."""
 SILENCE = 300.0
@@ -39,7 +37,7 @@ SILENCE = 300.0
 
 
 class LiveProgress:
-    """Shows the progress of jobs: a live table in a terminal, else lines.
+    """Shows the progress of jobs, a line each: in a terminal the latest ones, else one below the other.
 
     A job has a line at each change of its state, and every 30 s if there is something new to say.
     """
@@ -49,6 +47,8 @@ class LiveProgress:
         self._console = console or Console(stderr=True, force_terminal=sys.stderr.isatty())
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._began = time.monotonic()
+        self._first: float | None = None
+        """Share of the jobs that was done at the beginning."""
         self._has_explained = False
         self._totalled = self._began
         self._said: dict[str, tuple[str, str, float]] = {}
@@ -62,15 +62,16 @@ class LiveProgress:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def show(self, states: Sequence[JobState], at_once: int) -> None:
+    def show(self, states: Sequence[JobState]) -> None:
         """Show the states.
 
         Args:
             states: States of all jobs.
-            at_once: How many run side by side.
         """
+        if self._first is None:
+            self._first = share_done(states)
         if self._console.is_terminal:
-            self._live.update(self._table(states, at_once), refresh=True)
+            self._live.update(Text("\n".join(self._lines(states))), refresh=True)
             return
         for state in states:
             name = str(state.job)
@@ -86,145 +87,68 @@ class LiveProgress:
                 self._print(line)
         if time.monotonic() - self._totalled > TOTAL_SECONDS:
             self._totalled = time.monotonic()
-            self._print(self._total(states, at_once))
+            self._print(self._total(states))
 
     def _print(self, line: str) -> None:
         # Without a terminal rich assumes a width of 80: do not wrap.
         self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
-    def _total(self, states: Sequence[JobState], at_once: int) -> str:
-        done = sum(state.status == FINISHED for state in states)
-        minutes = (time.monotonic() - self._began) / 60
-        left = ends(seconds_left(states, at_once))
-        return f"{done} of {len(states)} runs finished after {minutes:.0f} min; {left}"
+    def _total(self, states: Sequence[JobState]) -> str:
+        """Return in a line how far all jobs are, and when they will end if they go on as so far."""
+        finished, done = sum(state.status == FINISHED for state in states), share_done(states)
+        took = time.monotonic() - self._began
+        text = f"{finished} of {len(states)} runs finished after {took / 60:.0f} min"
+        gained = done - (done if self._first is None else self._first)
+        return f"{text}; {ends(took * (1 - done) / gained)}" if gained > 0 else text
 
-    def _table(self, states: Sequence[JobState], at_once: int) -> Table:
-        table = Table(title=self._total(states, at_once), title_justify="left")
-        for title in ("run", "phase", *COLUMNS):
-            table.add_column(title, justify="left" if title in ("run", "phase") else "right")
-        busy = [state for state in states if state.status not in (FINISHED, WAITING)]
-        waiting = [state for state in states if state.status == WAITING]
-        for state in [*busy, *waiting][:MOST_ROWS]:
-            numbers = _numbers(state)
-            cells = (
-                [state.error.partition("\n")[0]]
-                if state.error
-                else [numbers.get(each, "") for each in COLUMNS]
-            )
-            table.add_row(str(state.job), _silence(state) or state.status, *cells)
-        if len(busy) + len(waiting) > MOST_ROWS:
-            table.add_row(f"and {len(busy) + len(waiting) - MOST_ROWS} more")
-        return table
+    def _lines(self, states: Sequence[JobState]) -> Iterator[str]:
+        """Yield what a terminal shows: a line about all jobs, then one for each that is not finished."""
+        yield self._total(states)
+        left = [state for state in states if state.status != FINISHED]
+        left.sort(key=lambda state: state.status == WAITING)
+        yield from map(_line, left[:MOST_ROWS])
+        if len(left) > MOST_ROWS:
+            yield f"and {len(left) - MOST_ROWS} more"
 
 
 def _line(state: JobState) -> str:
     """Return the progress of a job as a line."""
-    text, numbers = f"{state.job}: {state.status}", _numbers(state)
+    text, progress = f"{state.job}: {state.status}", state.progress
     if state.error:
         return f"{text}: {state.error}"
     if state.status == STARTING and state.iteration:
         return f"{text}, continues after iteration {state.iteration}"
-    if not numbers:
-        return text
-    text += f" {numbers['done']}"
-    if silence := _silence(state):
-        return f"{text}, {silence}"
-    if state.status == TESTING:
-        return text
-    text += f", iteration {numbers['iteration']}, {numbers['agent-steps/s']} agent-steps/s"
-    text += "".join(f", {name} {numbers[name]}" for name in OUTCOMES if name in numbers)
-    return f"{text}, {numbers['training left']} of training left"
-
-
-def _silence(state: JobState) -> str:
-    """Return for how long nothing has been heard of a job that has begun; empty if that is not long."""
-    silent = time.monotonic() - state.heard if state.status in (TRAINING, TESTING) else 0.0
-    return (
-        f"no message for {silent // 60:.0f} min (docs/guide/troubleshooting.md)" if silent > SILENCE else ""
-    )
-
-
-def _numbers(state: JobState) -> dict[str, str]:
-    """Return what is known of a job that trains or is tested, by columns of the table."""
-    progress = state.progress
     if progress is None or state.status not in (TRAINING, TESTING):
-        return {}
-    numbers = {"done": f"{progress.share:.0%}"}
+        return text
+    text += f" {progress.share:.0%}"
+    if (silent := time.monotonic() - state.heard) > SILENCE:
+        return f"{text}, no message for {silent // 60:.0f} min (docs/guide/troubleshooting.md)"
     if state.status == TESTING:
-        return numbers
+        return text
     line = progress.line
+    text += f", iteration {line['iteration']}, {line['agent_steps_per_second']:,.0f} agent-steps/s"
+    # Not finite until the first episode has ended.
+    text += "".join(f", {name} {line[name]:z.2f}" for name in OUTCOMES if math.isfinite(line[name]))
     left = line["seconds"] * (1 / progress.share - 1) if progress.share else math.inf
-    return {
-        **numbers,
-        "iteration": str(line["iteration"]),
-        "agent-steps/s": f"{line['agent_steps_per_second']:,.0f}",
-        # Not finite until the first episode has ended.
-        **{name: f"{line[name]:z.2f}" for name in OUTCOMES if math.isfinite(line[name])},
-        "training left": f"{left / 60:.1f} min",
-    }
+    return f"{text}, {left / 60:.1f} min of training left"
 
 
-def episodes_of(job: Job, variations: int) -> int:
-    """Return the number of a job's test episodes.
+def share_done(states: Sequence[JobState]) -> float:
+    """Return the share of all jobs that is done; a failed one is over."""
 
-    Args:
-        job: The job.
-        variations: Number of held-out variations in its test.
-    """
-    evaluation = job.task_setting.evaluation
-    modes = len(evaluation.modes) if isinstance(job, Run) else 1
-    modes *= max(1, len(job.task_setting.task.test))
-    return evaluation.episodes * modes + evaluation.held_out_episodes * variations
+    def share(state: JobState) -> float:
+        if state.status in (FINISHED, "failed"):
+            return 1.0
+        if state.progress is None or not isinstance(state.job, Run):
+            return state.progress.share if state.progress else 0.0
+        is_test = state.progress.phase == TESTING
+        return TRAINED * is_test + ((1 - TRAINED) if is_test else TRAINED) * state.progress.share
 
-
-def seconds_left(states: Sequence[JobState], at_once: int) -> float:
-    """Return how long jobs will take until all are finished [s].
-
-    A job that has not begun is taken to be as fast as those of its name, or else as all others.
-
-    Args:
-        states: States of all jobs.
-        at_once: How many run side by side.
-    """
-    known = _rates(states)
-    left = [_job_left(state, known) for state in states if state.status not in (FINISHED, "failed")]
-    return max(sum(left) / max(at_once, 1), *left, 0.0)
-
-
-def _rates(states: Sequence[JobState]) -> dict[tuple[str, str], float]:
-    """Return agent-steps and episodes a second: means by phase and name, and by phase and "" of all."""
-    found: dict[tuple[str, str], list[float]] = {}
-    for state in states:
-        for phase, rate in state.rates.items():
-            found.setdefault((phase, state.job.label), []).append(rate)
-            found.setdefault((phase, ""), []).append(rate)
-    return {key: math.fsum(rates) / len(rates) for key, rates in found.items()}
-
-
-def _job_left(state: JobState, known: Mapping[tuple[str, str], float]) -> float:
-    """Return how long a job will take from now on [s]."""
-
-    def rate(phase: str) -> float:
-        every = known.get((phase, ""), ASSUMED[phase])
-        return state.rates.get(phase) or known.get((phase, state.job.label), every)
-
-    job, progress = state.job, state.progress
-    if progress is not None and progress.phase == TESTING:
-        return state.episodes * (1 - progress.share) / rate(TESTING)
-    seconds, episodes = 0.0, float(state.episodes)
-    if isinstance(job, Run):
-        line = progress.line if progress else {}
-        seconds = max(job.budget.most_steps - line.get("agent_steps", 0), 0) / rate(TRAINING)
-        if job.budget.minutes:
-            seconds = min(seconds, max(60 * job.budget.minutes - line.get("seconds", 0.0), 0.0))
-        evaluation = job.task_setting.evaluation
-        validations = evaluation.validations * evaluation.validation_episodes
-        episodes += validations * (1 - (progress.share if progress else 0.0))
-    return seconds + episodes / rate(TESTING)
+    return sum(map(share, states)) / len(states)
 
 
 def plan(states: Sequence[JobState], at_once: int) -> str:
-    """Return in a line what is to be done, and when it will end."""
+    """Return in a line what is to be done."""
     waiting = [state for state in states if state.status != FINISHED]
     tasks = {str(state.job.task_setting) for state in waiting}
     runs = [state.job for state in waiting if isinstance(state.job, Run)]
@@ -233,10 +157,9 @@ def plan(states: Sequence[JobState], at_once: int) -> str:
         f"{counted(len(runs), 'training')} in {counted(len(tasks), 'task')}",
         *dict.fromkeys(_words(run.budget) for run in runs),
         *([counted(scripted, "test") + " of scripted policies"] if scripted else []),
-        counted(sum(state.episodes for state in waiting), "test episode"),
         f"{min(at_once, len(waiting))} at a time",
     ]
-    return f"plan: {', '.join(parts)}; {ends(seconds_left(states, at_once))}"
+    return f"plan: {', '.join(parts)}"
 
 
 def _words(budget: Budget) -> str:

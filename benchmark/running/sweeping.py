@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -24,9 +25,9 @@ from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from benchmark.experiment.algorithm_settings import setting_names
 from benchmark.experiment.models import Experiment, Tune
-from benchmark.experiment.runs import Run, runs_of, with_defaults
-from benchmark.results.files import FORMAT, ResultsError, locked, read_json, write_json, write_whole
-from benchmark.results.run_folder import SCENARIOS, RunFolder, changed_code, comparable
+from benchmark.experiment.runs import Run, runs_of
+from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned, write_whole
+from benchmark.results.run_folder import SCENARIOS, RunFolder, differing_values
 from benchmark.running.choosing import TRIALS, SweepError, text_of, write_chosen
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
@@ -35,6 +36,7 @@ from benchmark.running.importing import named_own_code
 from benchmark.running.messages import Kept, RunProgress
 from benchmark.running.played import scenario_digests
 from benchmark.running.shipping import shipped_code
+from benchmark.running.signals import handled
 from benchmark.running.training import Training, algorithm_of, config_of
 from smarts.errors import shortened
 
@@ -59,8 +61,8 @@ def sweep(experiment: Experiment, root: Path) -> int:
         SweepError: The experiment has no `tune` section, or cannot be searched.
         SmartsError: A scenario is wrong, or the folder cannot be used.
     """
-    runs = searched_runs(experiment)
-    section = _section(experiment)
+    runs, section = searched_runs(experiment), experiment.tune
+    assert section is not None
     check_task_settings(experiment)
     folders = [root if len(runs) == 1 else root / run.folder.parent for run in runs]
     codes: list[int] = []
@@ -105,11 +107,8 @@ def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
     """
     if not ((folder / TRIALS).exists() and (folder / SEARCH).exists()):
         return False
-    try:
-        table = pd.read_csv(folder / TRIALS)
-    except (pd.errors.EmptyDataError, pd.errors.ParserError):  # written again when the search has ended
-        return False
-    if not {"trial_id", section.metric} <= {*table}:  # averages over conditions, or not a whole table
+    table = pd.read_csv(folder / TRIALS)
+    if not {"trial_id", section.metric} <= {*table}:  # averages over conditions
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
     return len(table.dropna(subset=[section.metric])) == section.samples * prod(grids)
@@ -132,42 +131,24 @@ def _stoppable() -> Iterator[Event]:
         signal.raise_signal(signal.SIGUSR1)
 
     os.environ["TUNE_DISABLE_SIGINT_HANDLER"] = "1"
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with handled(stop, signal.SIGINT, signal.SIGTERM):
         yield stopped
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _check_same_search(file: Path, run: Run, section: Tune) -> None:
-    """Raise if the folder holds another search, which Tune would continue without a message.
-
-    Further imports make no other search.
-    """
-    content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
-    digests = scenario_digests(run.task_setting)
+    """Raise if the folder holds another search, which Tune would continue without a message."""
+    content = {
+        "run": run.content(),
+        "tune": section.model_dump(),
+        SCENARIOS: scenario_digests(run.task_setting),
+    }
     if not file.exists():
-        write_json(file, {**content, SCENARIOS: digests})
-        return
-    before = read_json(file)
-    known = before.pop(SCENARIOS, {})  # the oldest searches have none
-    if others := [name for name, digest in digests.items() if known.get(name, digest) != digest]:
+        write_versioned(file, content)
+    elif differing := differing_values(read_versioned(file), json.loads(json.dumps(content))):
         raise ResultsError(
-            f"here is a search in other scenarios: {', '.join(others)} has changed since",
+            f"here is another search: {differing}",
             place=str(file),
-            remedy="restore the scenario, give the experiment another name or --out, or remove the folder to "
-            "start again",
-        )
-    there, here = with_defaults(before.get("run") or {}), with_defaults(content["run"])
-    if {**before, "run": comparable(there, here)} != {**content, "run": comparable(here, there)}:
-        changed = ", ".join(changed_code(there, here))
-        raise ResultsError(
-            f"here is a search with other code: {changed} has changed since"
-            if changed
-            else "here is a search with another config",
-            place=str(file),
-            remedy="give the experiment another name or --out, or remove the folder to start again",
+            remedy="restore it, give another name or --out, or remove the folder to start again",
         )
 
 
@@ -239,43 +220,47 @@ def searched_runs(experiment: Experiment) -> list[Run]:
             population-based training would change the networks of a checkpoint.
     """
     runs = [*runs_of(experiment)]
-    if not runs:
-        raise SweepError(
-            "there is no algorithm whose settings are searched",
-            place=experiment.name,
-            remedy="name one: algorithms: [ppo]",
-        )
-    if len(experiment.seeds) > 1:
-        raise SweepError(
-            f"the experiment stands for {len(experiment.seeds)} runs in each condition, a search has one",
-            place=experiment.name,
-            remedy="leave one seed: --set seeds=[1]",
-        )
-    if not experiment.evaluation.validations:
-        raise SweepError(
-            "there is nothing to compare", place="evaluation.validations", remedy="give 1 or more"
-        )
-    if experiment.tune and experiment.tune.scheduler != "none" and len(runs) > len(experiment.algorithms):
-        raise SweepError(
-            f"{experiment.tune.scheduler} cannot compare settings over several conditions",
-            place="tune.scheduler",
-            remedy="remove it, or leave one task and traffic",
-        )
-    if experiment.tune and experiment.tune.scheduler == "pbt":
-        for run in runs:
-            _check_population(run, experiment.tune)
+    for fault, place, remedy in _faults(experiment, runs):
+        raise SweepError(fault, place=place, remedy=remedy)
     return runs
 
 
-def _check_population(run: Run, section: Tune) -> None:
-    """Raise if a copy of another trial could get settings that its networks are not built from."""
-    built = {*config_of(run).checkpoint_signature(), *OF_NETWORKS}
-    for name in parameters_of(section, run.algorithm):
-        if name in built:
-            raise SweepError(
+def _faults(experiment: Experiment, runs: Sequence[Run]) -> Iterator[tuple[str, str, str]]:
+    """Yield why an experiment cannot be searched, where, and what to do about it."""
+    section = experiment.tune
+    if section is None:
+        yield "there is no section `tune`", experiment.name, "add tune: {parameters: ...}"
+        return
+    if not runs:
+        yield (
+            "there is no algorithm whose settings are searched",
+            experiment.name,
+            "name one: algorithms: [ppo]",
+        )
+    if len(experiment.seeds) > 1:
+        count = len(experiment.seeds)
+        yield (
+            f"the experiment stands for {count} runs in each condition, a search has one",
+            experiment.name,
+            "leave one seed: --set seeds=[1]",
+        )
+    if not experiment.evaluation.validations:
+        yield "there is nothing to compare", "evaluation.validations", "give 1 or more"
+    if section.scheduler != "none" and len(runs) > len(experiment.algorithms):
+        yield (
+            f"{section.scheduler} cannot compare settings over several conditions",
+            "tune.scheduler",
+            "remove it, or leave one task and traffic",
+        )
+    for run in runs if section.scheduler == "pbt" else ():
+        for name in {*parameters_of(section, run.algorithm)} & {
+            *config_of(run).checkpoint_signature(),
+            *OF_NETWORKS,
+        }:
+            yield (
                 f"pbt changes settings of trained networks; {run.algorithm!r} builds them from {name}",
-                place=f"tune.parameters.{name}",
-                remedy="leave it out, or search it without a scheduler",
+                f"tune.parameters.{name}",
+                "leave it out, or search it without a scheduler",
             )
 
 
@@ -376,11 +361,3 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
                         },
                         checkpoint=tune.Checkpoint.from_directory(str(folder.checkpoint)),
                     )
-
-
-def _section(experiment: Experiment) -> Tune:
-    if experiment.tune is None:
-        raise SweepError(
-            "there is no section `tune`", place=experiment.name, remedy="add tune: {parameters: ...}"
-        )
-    return experiment.tune

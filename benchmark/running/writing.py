@@ -11,17 +11,13 @@ from typing import Any
 
 from benchmark.experiment.loggers import LOGGERS
 from benchmark.experiment.runs import NOT_TAKEN, STARTED_FROM, Run, ScriptedRun, default_settings
-from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, digest_of
+from benchmark.results.digests import digest_of
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
 from benchmark.running.logger_threads import logger_thread
 from benchmark.running.loggers import Logged
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
-from smarts.errors import SmartsError
-
-LOCAL = ("tensorboard",)
-"""Loggers that only write to this machine's disk."""
 
 
 class RunWriter:
@@ -46,14 +42,8 @@ class RunWriter:
             print(f"{run}: has no checkpoint to continue from, and begins again", file=sys.stderr)
 
     def checkpoint(self) -> dict[str, bytes]:
-        """Return the files of the last checkpoint, from which the run's process continues; empty without one.
-
-        Raises:
-            ResultsError: A file is not as it was written.
-        """
-        folder = self._folder.checkpoint
-        check_digests(folder, OTHER_CHECKPOINT)
-        return files_in(folder)
+        """Return the files of the last checkpoint, from which the run continues; empty without one."""
+        return files_in(self._folder.checkpoint)
 
     def start(self) -> dict[str, bytes]:
         """Return the networks of the run that a training starts from; empty where it starts from none.
@@ -97,15 +87,11 @@ class RunWriter:
         """Write what is left; may be called again."""
         for name in self._names:
             self._tell(name, partial(self._end, name))
-            if name not in LOCAL:
-                logger_thread(name).wait()
+            logger_thread(name).wait()
 
     def _tell(self, name: str, call: Callable[[], None]) -> None:
-        """Call a logger, in its thread if it may have a server."""
-        if name in LOCAL:
-            self._try(name, call)
-        else:
-            logger_thread(name).add(partial(self._try, name, call))
+        """Call a logger in its thread."""
+        logger_thread(name).add(partial(self._try, name, call))
 
     def _try(self, name: str, call: Callable[[], None]) -> None:
         """Call a logger; what fails, as where a server is gone, is left out from then on."""
@@ -113,8 +99,6 @@ class RunWriter:
             call()
         except Exception as error:  # whatever a package of others raises
             self._loggers.pop(name, None)
-            if isinstance(error, SmartsError) and name in LOCAL:  # of this machine's disk
-                raise
             print(f"note: {self._run}: the logger {name} has failed: {error}", file=sys.stderr)
 
     def _begin(self, began: Began) -> None:

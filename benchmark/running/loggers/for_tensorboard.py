@@ -12,7 +12,6 @@ from tensorboardX.event_file_writer import EventsWriter
 from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
 from tensorboardX.summary import scalar
 
-from benchmark.results.files import named_failures
 from benchmark.running.loggers import Logged, numbers_of
 
 SECONDS = 10
@@ -25,31 +24,26 @@ class TensorBoard:
     Args:
         logged: The training; what an earlier part of it has written is removed.
         lines: Lines of the progress so far.
-
-    Raises:
-        ResultsError: The disk is full, or the folder cannot be written to.
     """
 
     def __init__(self, logged: Logged, lines: Iterable[Mapping[Any, Any]]) -> None:
         self._folder = logged.folder / "tensorboard"
         self._flushed = time.monotonic()
         shutil.rmtree(self._folder, ignore_errors=True)
-        with named_failures(self._folder):
-            self._folder.mkdir(parents=True, exist_ok=True)
-            # Not a `SummaryWriter`: its thread ends at the first failed write, and each further `add` blocks.
-            self._writer = EventsWriter(str(self._folder / "events"))
+        self._folder.mkdir(parents=True, exist_ok=True)
+        # Not a `SummaryWriter`: its thread ends at the first failed write, and each further `add` blocks.
+        self._writer = EventsWriter(str(self._folder / "events"))
         for line in lines:
             self.add(line)
 
     def add(self, line: Mapping[Any, Any]) -> None:
         """Add a line."""
         step, now = int(line["agent_steps"]), time.time()
-        with named_failures(self._folder):
-            for name, value in numbers_of(line):
-                self._writer.write_event(Event(wall_time=now, step=step, summary=scalar(name, value)))
-            if time.monotonic() - self._flushed > SECONDS:
-                self._writer.flush()
-                self._flushed = time.monotonic()
+        for name, value in numbers_of(line):
+            self._writer.write_event(Event(wall_time=now, step=step, summary=scalar(name, value)))
+        if time.monotonic() - self._flushed > SECONDS:
+            self._writer.flush()
+            self._flushed = time.monotonic()
 
     def close(self) -> None:
         """Write what is left, if the disk has room: progress.csv has the same."""

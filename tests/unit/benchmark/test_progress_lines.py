@@ -2,16 +2,15 @@
 
 import io
 import time
-from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
-from benchmark.experiment.models import Budget, Evaluation, Resources
-from benchmark.experiment.runs import Run, ScriptedRun
+from benchmark.experiment.models import Budget, Resources
+from benchmark.experiment.runs import Run
 from benchmark.running import live
 from benchmark.running.jobs import JobState
-from benchmark.running.live import ASSUMED, LiveProgress, episodes_of, seconds_left
+from benchmark.running.live import LiveProgress, share_done
 from benchmark.running.messages import RunProgress
 
 NAME = "ppo, two_way, no_social_vehicles, seed 1"
@@ -26,7 +25,7 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
         log.seek(0)
         log.truncate()
         state.status, state.progress, state.error = status, progress, error
-        shown.show([state], 2)
+        shown.show([state])
         return log.getvalue().splitlines()
 
     line = {"iteration": 6, "agent_steps": 1500, "seconds": 60.0, "agent_steps_per_second": 867}
@@ -52,25 +51,21 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     failed, total = lines("failed", error="[red] no")
     assert failed == f"{NAME}: failed: [red] no"
     assert total.startswith("0 of 1 runs finished after 0 min; ends about ")
-    assert total.endswith(", in 0 min")
 
 
-def test_the_time_left_follows_budgets_then_what_jobs_of_the_same_name_took():
-    """Two trainings of 3,000 agent-steps or a minute, with 28 episodes each; then a scripted policy."""
-    task_setting = SimpleNamespace(
-        evaluation=Evaluation(episodes=20, modes=("greedy",), validations=4, validation_episodes=2)
-    )
-    budget = Budget(agent_steps=3000, minutes=1)
-    runs = [Run("ppo", task_setting, seed, {}, budget, Resources()) for seed in (1, 2)]  # type: ignore[arg-type]
-    jobs = [*runs, ScriptedRun("parked", task_setting)]  # type: ignore[arg-type]
-    states = [JobState(job, episodes=episodes_of(job, 0)) for job in jobs]
-    steps, episodes = ASSUMED["training"], ASSUMED["testing"]
-    whole = 3000 / steps + 28 / episodes
-    assert seconds_left(states, 1) == pytest.approx(2 * whole + 20 / episodes)
-    assert seconds_left(states, 8) == pytest.approx(whole)
-    states[0].progress = RunProgress("training", 0.5, {"agent_steps": 1500, "seconds": 30.0})
-    states[0].rates["training"] = 50.0  # the first has 30 s left, and the second the whole minute
-    assert seconds_left(states[:2], 1) == pytest.approx(30 + 24 / episodes + 60 + 28 / episodes)
-    states[0].status, states[0].rates["testing"] = "finished", 4.0
-    states[2].progress = RunProgress("testing", 0.75)
-    assert seconds_left(states, 1) == pytest.approx(60 + 28 / 4 + 5 / 4)
+def test_the_time_left_follows_what_is_done_since_the_beginning(monkeypatch):
+    """Of three jobs one was finished; two half trainings, 0.9 of a run each, took a minute."""
+    runs = [Run("ppo", NAME, seed, {}, Budget(), Resources()) for seed in (1, 2, 3)]  # type: ignore[arg-type]
+    states = [JobState(run) for run in runs]
+    states[0].status = "finished"
+    shown, now = LiveProgress(Console(file=io.StringIO())), time.monotonic()
+    shown.show(states)
+    assert shown._total(states).endswith("runs finished after 0 min")
+    for state in states[1:]:
+        state.status, state.progress = "training", RunProgress("training", 0.5)
+    assert share_done(states) == pytest.approx((1 + 0.45 + 0.45) / 3)
+    monkeypatch.setattr(live.time, "monotonic", lambda: now + 60)
+    assert shown._total(states).endswith(f", in {1.1 / 0.9:.0f} min")
+    states[1].progress, states[2].error = RunProgress("testing", 0.5), "no"
+    states[2].status = "failed"
+    assert share_done(states) == pytest.approx((1 + 0.95 + 1) / 3)

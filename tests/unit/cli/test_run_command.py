@@ -14,7 +14,7 @@ from benchmark.metrics import write_table
 from benchmark.report import writing
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.jobs import JobState, jobs_of
-from benchmark.running.live import episodes_of, plan
+from benchmark.running.live import plan
 from tests.hand_made_results import ALONE, agent_episodes
 
 CONFIG = """
@@ -56,7 +56,7 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
 
 
 def plan_of(experiment):
-    states = [JobState(job, episodes=episodes_of(job, variations=0)) for job in jobs_of(experiment)]
+    states = [JobState(job) for job in jobs_of(experiment)]
     return plan(states, at_once=2)
 
 
@@ -67,11 +67,11 @@ def test_the_plan_names_the_budget_of_each_task(tmp_path):
     )
     base = read_experiment(tmp_path / "base.yaml")
     begin = "plan: 4 trainings in 2 tasks, each of 9,000 agent-steps or 2 minutes, each of 3,000 agent-steps"
-    assert plan_of(base).startswith(f"{begin} or 2 minutes, 8 test episodes, 2 at a time; ends about ")
+    assert plan_of(base).startswith(f"{begin} or 2 minutes, 2 at a time")
     (tmp_path / "copy.yaml").write_text("extends: base.yaml\nbudget: {agent_steps: 400}\nby_task: {}\n")
     copy = read_experiment(tmp_path / "copy.yaml")
     assert copy.by_task == {}
-    assert "each of 400 agent-steps or 2 minutes, 8 test episodes" in plan_of(copy)
+    assert "each of 400 agent-steps or 2 minutes, 2 at a time" in plan_of(copy)
 
 
 def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
