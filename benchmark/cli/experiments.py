@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from benchmark.cli.choices import check_effect
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -137,10 +139,10 @@ def evaluate(
     if (run is None) == (agent is None):
         raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
     is_exported = run is not None and (run / "policy.json").exists()
-    if checkpoint and (agent or is_exported):
-        raise typer.BadParameter("is of a run's folder", param_hint="--checkpoint")
-    if mode and (agent or (is_exported and Mode.SAMPLED in mode)):
-        raise typer.BadParameter("it acts in one way: greedily, if it is trained", param_hint="--mode")
+    if agent or is_exported:
+        acting = None if is_exported and mode == [Mode.GREEDY] else mode
+        place = "what is no run's folder: it acts in one way, greedily if it is trained"
+        check_effect(place, {"--checkpoint": checkpoint, "--mode": acting})
     if agent and not scenario:
         raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
     from benchmark.running.experiment import interruptible

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from benchmark.cli.choices import check_effect
 from benchmark.cli.experiments import Import, Parallel
 
 
@@ -101,11 +102,14 @@ def verify(
     The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
     what to submit is then in OUT/submission. Give the same command again to resume.
     """
-    from benchmark.results.release import CONFIRMED, MANIFEST, SUBMISSION
+    from benchmark.results.release import ADDRESS, CONFIRMED, MANIFEST, SUBMISSION
     from benchmark.running.experiment import interruptible
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
 
+    if not submission.startswith(ADDRESS):
+        options = {"--benchmark-version": version, "--scenario": scenario, "--traffic": traffic}
+        check_effect("a folder, which names its own", options)
     manifest, folder = submitted(
         submission, number=version, scenarios=scenario or (), traffic=traffic or (), addresses=address or ()
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from benchmark.cli.choices import check_effect
 from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def render(
     check_format(out)
     is_still = out.suffix.lower() in STILL
     film = {"--begin": begin, "--end": end, "--every": every, "--speed": speed}
-    _check_options(out, {"--at": at} if not is_still else film)
+    check_effect(f"a {out.suffix}", {"--at": at} if not is_still else film)
     speed = 1.0 if speed is None else speed
     picture = EpisodePicture(_open(episode), pixels=width)
     every = max(1, round(speed / (PICTURES_PER_SECOND * picture.dt))) if every is None else every
@@ -102,16 +102,6 @@ def _open(folder: Path) -> RecordedEpisode:
             remedy=f"name one of them: {names}{', ...' if len(inside) > 5 else ''}",
         )
     return RecordedEpisode(folder)
-
-
-def _check_options(out: Path, without_effect: Mapping[str, float | None]) -> None:
-    given = [name for name, value in without_effect.items() if value is not None]
-    if given:
-        raise SmartsError(
-            f"{', '.join(given)} {'have' if len(given) > 1 else 'has'} no effect on a {out.suffix}",
-            place=str(out),
-            remedy="leave it out: --at is for .png, --begin, --end, --every and --speed are for animations",
-        )
 
 
 def _step_at(time: float, dt: float, steps: int, option: str) -> int:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from benchmark.cli.choices import check_effect
 from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
@@ -196,9 +197,8 @@ def _held_out(built: BuiltScenario) -> str:
 def _chosen(scenarios: list[str] | None, everything: bool) -> list[str]:
     from smarts.sstudio.locating import suite
 
-    if everything and scenarios:
-        raise SmartsError("both names and --all are given", remedy="give one of the two")
     if everything:
+        check_effect("the whole suite", {"SCENARIO": scenarios})
         return list(suite())
     if not scenarios:
         raise SmartsError("no scenario is named", remedy=f"name some of {', '.join(suite())}, or give --all")

@@ -13,7 +13,6 @@ import typer
 
 from benchmark.cli.experiments import Import
 from benchmark.results.files import write_whole
-from smarts.errors import UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
     from benchmark.scripted.play import Tally
@@ -66,7 +65,8 @@ def scripted(
 
     import_own(import_ or ())
     chosen, scenarios = policies or (*SCRIPTED_POLICIES, SUMO_DRIVER), scenario or SCENARIOS
-    _check_policies(chosen)
+    for policy in {*chosen} - {SUMO_DRIVER}:
+        SCRIPTED_POLICIES[policy]  # raises where there is none
     for name in scenarios:
         locate(name)
     header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
@@ -84,20 +84,6 @@ def scripted(
                     write_whole(out, partial(_write, lines))
     if out is not None:
         typer.echo(f"wrote {out}")
-
-
-def _check_policies(policies: Sequence[str]) -> None:
-    """Raise if a policy is unknown, or a user's own cannot be imported."""
-    from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
-    from smarts.registry import is_own_name
-
-    known = (*SCRIPTED_POLICIES, SUMO_DRIVER)
-    for policy in policies:
-        if is_own_name(policy):
-            SCRIPTED_POLICIES[policy]
-        elif policy not in known:
-            remedy = nearest_names(policy, known)
-            raise UnknownNameError(f"there is no scripted policy {policy!r}", remedy=remedy)
 
 
 def _write(lines: Sequence[Sequence[str]], file: Path) -> None:

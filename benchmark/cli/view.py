@@ -6,13 +6,13 @@ import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smarts.errors import RecordError, SmartsError
+from benchmark.cli.choices import check_effect
+from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
     from smarts.envision.episode_library import EpisodeLibrary
@@ -61,19 +61,11 @@ def view(
             place="view",
             remedy="name the folder of a run or of recorded episodes, or one episode, or give --live",
         )
-    if live and (html is not None or out is not None):
-        raise SmartsError(
-            "--live has no effect on files of episodes",
-            place="view",
-            remedy="leave out --live, or --html and --out",
-        )
     if html is not None or out is not None:
+        check_effect("files of episodes", {"--live": live})
         _write(paths or [], html, out, begin, end)
         return
-    if begin is not None or end is not None:
-        raise SmartsError(
-            "--begin and --end have no effect on what is served", place="view", remedy="leave them out"
-        )
+    check_effect("what is served", {"--begin": begin, "--end": end}, "leave it out, or give --html or --out")
     from smarts.envision.episode_library import EpisodeLibrary
     from smarts.envision.server import ViewServer
 
@@ -113,7 +105,7 @@ def _write(
         raise SmartsError(
             f"{len(paths)} episodes for one file", place=str(out), remedy="name one episode, or use --html"
         )
-    episodes = [*_undamaged(paths, begin, end)]
+    episodes = [_embedded(path, begin, end) for path in paths]
     files: dict[Path, bytes] = {}
     if out is not None:
         files[out] = episodes[0].data
@@ -133,29 +125,7 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
     for notable, page in written.pages:
         typer.echo(f"{page}: {notable.label}")
     for entry, why in written.left_out:
-        _say_left_out(f"{entry.run}/{entry.label}", why)
-
-
-def _undamaged(paths: list[Path], begin: float | None, end: float | None) -> Iterator[Embedded]:
-    """Yield the episodes that can be read; name the others.
-
-    Raises:
-        SmartsError: No episode can be read, or a path is not one episode.
-    """
-    problems: list[RecordError] = []
-    for path in paths:
-        try:
-            yield _embedded(path, begin, end)
-        except RecordError as error:
-            problems.append(error)
-    if len(problems) == len(paths):
-        raise problems[0]
-    for error in problems:
-        _say_left_out(error.place, error.problem)
-
-
-def _say_left_out(episode: str, why: str) -> None:
-    typer.echo(f"{episode} is left out: {why}", err=True)
+        typer.echo(f"{entry.run}/{entry.label} is left out: {why}", err=True)
 
 
 def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
@@ -178,10 +148,6 @@ def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
     if begin is None and end is None:
         return Embedded(entry.id, entry.label, read_compact(place))
     if place.is_file():
-        raise SmartsError(
-            "--begin and --end cut recorded episodes, not compact files",
-            place=str(place),
-            remedy="name the folder of the recorded episode, or leave them out",
-        )
+        check_effect(f"the compact file {place}", {"--begin": begin, "--end": end})
     part = compact_episode(RecordedEpisode(place), begin, end, policy=entry.policy)
     return Embedded(entry.id, entry.label, part)

@@ -9,7 +9,6 @@ import typer
 
 from benchmark.cli.experiments import Import
 from benchmark.cli.lists import aligned
-from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
     from smarts.zoo.entry import ZooEntry
@@ -158,22 +157,15 @@ def options_of(given: list[str]) -> dict[str, Any]:
     """Return options by name, from texts "KEY=VALUE" whose values are YAML.
 
     Raises:
-        SmartsError: A text has another form.
+        ConfigError: A text has another form.
     """
-    import yaml
+    from smarts.config.sources import read_override
 
-    options = {}
+    options: dict[str, Any] = {}
     for text in given:
-        name, equals, value = text.partition("=")
-        if not equals or not name.isidentifier():
-            raise SmartsError(f"{text!r} is no option", place="--set", remedy="give KEY=VALUE, as tau=2")
-        try:
-            # An asterisk means all agents, and is no YAML.
-            options[name] = value if value == "*" else yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            raise SmartsError(
-                f"the value of {text!r} is no YAML", place="--set", remedy="put texts with signs into quotes"
-            ) from error
+        name, _, value = text.partition("=")
+        # An asterisk means all agents, and is no YAML.
+        options |= {name: value} if value == "*" else read_override(text).values
     return options
 
 

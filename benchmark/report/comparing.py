@@ -76,13 +76,10 @@ def read_side(path: Path) -> Side:
     ]
     runs = tuple(run for run in meant if run.table is not None)
     if not runs:
-        is_scripted = algorithm == SCRIPTED
         raise ResultsError(
             "; ".join(["there is no finished run", *left_out]),
             place=str(path),
-            remedy="name one policy: results/NAME/scripted/POLICY"
-            if is_scripted
-            else "give results/NAME[/ALGORITHM] of a finished one",
+            remedy="give results/NAME[/ALGORITHM] of a finished one, or results/NAME/scripted/POLICY",
         )
     return Side(path, results, runs, tuple(left_out), results.name)
 

@@ -7,7 +7,6 @@ import string
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 
@@ -36,12 +35,40 @@ from smarts.registry import is_own_name
 
 MAY_EXCHANGE = "its vehicles may tell each other what they see"
 """Remark on an agent at an address, and on an unknown algorithm: neither can be checked from outside."""
+STATUSES = (CONFIRMED, MARKED, REFUSED)
+"""Status of evaluated policies, the worst last."""
+Key = tuple[str, ...]
+"""Experiment, algorithm, task and traffic."""
 SCRIPTED_PARADIGM, OTHER_PARADIGM = "scripted policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
 
 
+class Labelled:
+    """The names of an algorithm of an experiment in a condition, as the page has them."""
+
+    algorithm: str
+    task: str
+    traffic: str
+    experiment: str
+
+    @property
+    def label(self) -> str:
+        """Name of the algorithm."""
+        return algorithm_label(self.algorithm)
+
+    @property
+    def key(self) -> Key:
+        """Experiment, algorithm, task and traffic."""
+        return self.experiment, self.algorithm, self.task, self.traffic
+
+    @property
+    def condition(self) -> str:
+        """Name of the condition."""
+        return condition_label(self.task, self.traffic)
+
+
 @dataclass(frozen=True)
-class Place:
+class Place(Labelled):
     """An algorithm of an experiment in a condition."""
 
     protocol: str
@@ -65,28 +92,13 @@ class Place:
     """Whether an evaluated submission does better in the public test than in fresh episodes."""
 
     @property
-    def label(self) -> str:
-        """Name of the algorithm."""
-        return algorithm_label(self.algorithm)
-
-    @property
-    def key(self) -> tuple[str, str, str, str]:
-        """Experiment, algorithm, task and traffic."""
-        return self.experiment, self.algorithm, self.task, self.traffic
-
-    @property
     def values(self) -> tuple[Value, ...]:
         """What its line shows."""
         return self.completion, self.collision, *self.own
 
-    @property
-    def condition(self) -> str:
-        """Name of the condition."""
-        return condition_label(self.task, self.traffic)
-
 
 @dataclass(frozen=True)
-class Summary:
+class Summary(Labelled):
     """An algorithm of an experiment over all conditions."""
 
     protocol: str
@@ -99,11 +111,6 @@ class Summary:
     conditions: int
     most_conditions: int
     """The most conditions of an entry under the protocol; means over fewer are not comparable."""
-
-    @property
-    def label(self) -> str:
-        """Name of the algorithm."""
-        return algorithm_label(self.algorithm)
 
 
 @dataclass(frozen=True)
@@ -148,9 +155,9 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
     own = tuple(measure.name for measure in measured_in(table) if is_own_name(measure.name))
     places: list[Place] = []
-    marks = marks_of(submitted)
+    policies = by_entry(submitted)
     for protocol, letter in letters.items():
-        places += _places(table[table["protocol"] == protocol], letter, mode, own, marks)
+        places += _places(table[table["protocol"] == protocol], letter, mode, own, policies)
     return Leaderboard(
         mode=mode,
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
@@ -211,7 +218,11 @@ def _letters(number: int) -> str:
 
 
 def _places(
-    table: Frame, letter: str, mode: str, own: Sequence[str], marks: Mapping[tuple[str, str, str, str], Mark]
+    table: Frame,
+    letter: str,
+    mode: str,
+    own: Sequence[str],
+    submitted: Mapping[Key, Sequence[Submitted]],
 ) -> list[Place]:
     """Return the places under one protocol."""
     table = table[table["mode"].isin([mode, SCRIPTED])]
@@ -225,13 +236,13 @@ def _places(
     places = []
     for (task, traffic), rows in sorted(found.items()):
         rates = {entry: row[: len(RANKED_BY)] for entry, row in rows.items()}
-        known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
-        apart = scripted | {entry for entry, mark in known.items() if mark and not mark.is_ranked}
+        known = {entry: submitted.get((*entry.split("\n"), task, traffic), ()) for entry in rows}
+        apart = scripted | {entry for entry, policies in known.items() if not may_be_ranked(policies)}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
         standings = ranks(of_condition(differing, task, traffic), ranked) if len(ranked) > 1 else {}
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
-            standing, mark = standings.get(entry), known[entry]
+            standing, policies = standings.get(entry), known[entry]
             places.append(
                 Place(
                     letter,
@@ -239,21 +250,16 @@ def _places(
                     traffic,
                     experiment,
                     algorithm,
-                    SUBMITTED if mark else paradigm_of(algorithm, entry in scripted),
+                    SUBMITTED if policies else paradigm_of(algorithm, entry in scripted),
                     standing.rank if standing else None,
                     standing is not None and standing.is_tied,
                     *rates[entry],
                     own=tuple(rows[entry][len(RANKED_BY) :]),
-                    status=mark.status if mark else "",
-                    knows_test=mark is not None and mark.knows_test,
+                    status=max((each.status for each in policies), key=STATUSES.index, default=""),
+                    knows_test=any(each.knows_test for each in policies),
                 )
             )
     return places
-
-
-def _key(entry: str, task: str, traffic: str) -> tuple[str, str, str, str]:
-    experiment, _, algorithm = entry.partition("\n")
-    return experiment, algorithm, task, traffic
 
 
 def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:
@@ -324,26 +330,11 @@ def leaderboard_page(board: Leaderboard) -> str:
     )
 
 
-class Submitted(Verdict):
+class Submitted(Labelled, Verdict):
     """A policy of a submission after its evaluation."""
 
     experiment: str
     """Folder of its results."""
-
-    @property
-    def label(self) -> str:
-        """Name of the algorithm."""
-        return algorithm_label(self.algorithm)
-
-    @property
-    def key(self) -> tuple[str, str, str, str]:
-        """Folder, algorithm, task and traffic."""
-        return self.experiment, self.algorithm, self.task, self.traffic
-
-    @property
-    def condition(self) -> str:
-        """Label of task and traffic."""
-        return condition_label(self.task, self.traffic)
 
     @property
     def remarks(self) -> list[str]:
@@ -371,27 +362,14 @@ def read_submitted(root: Path, experiment: str) -> list[Submitted]:
     return [Submitted(**each, experiment=experiment) for each in said]
 
 
-class Mark(NamedTuple):
-    """What is known of an algorithm of a submission in a condition."""
-
-    status: str
-    """The worst of its seeds."""
-    knows_test: bool
-    seeds: int
-    """Number of its policies."""
-
-    @property
-    def is_ranked(self) -> bool:
-        """Whether it can have a rank: seeds that were left out cannot be seen otherwise."""
-        return self.seeds >= SEEDS and not self.knows_test
-
-
-def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], Mark]:
-    """Return the marks by folder, algorithm, task and traffic."""
-    order = (CONFIRMED, MARKED, REFUSED)
-    found: dict[tuple[str, str, str, str], Mark] = {}
+def by_entry(submitted: Sequence[Submitted]) -> dict[Key, list[Submitted]]:
+    """Return the policies of all seeds by experiment, algorithm, task and traffic."""
+    found: dict[Key, list[Submitted]] = {}
     for each in submitted:
-        before = found.get(each.key, Mark(CONFIRMED, knows_test=False, seeds=0))
-        worst = max(before.status, each.status, key=order.index)
-        found[each.key] = Mark(worst, before.knows_test or each.knows_test, before.seeds + 1)
+        found.setdefault(each.key, []).append(each)
     return found
+
+
+def may_be_ranked(policies: Sequence[Submitted]) -> bool:
+    """Return whether a submission may have a rank: seeds that were left out cannot be seen otherwise."""
+    return not policies or (len(policies) >= SEEDS and not any(each.knows_test for each in policies))

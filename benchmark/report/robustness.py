@@ -44,7 +44,7 @@ COLUMNS = (
     *("task", "traffic", "policy", "kind", "with", "metric", "value", "low", "high", "n", "episodes"),
     *("difference", "difference_low", "difference_high", "p_value", "corrected", "change", "note"),
 )
-_PLAYED, _TEST = "a played", "b test"
+_PLAYED, _TEST, _NUMBER = "a played", "b test", "_number"
 
 
 @dataclass(frozen=True)
@@ -89,28 +89,39 @@ def robustness_of(report: Report) -> Robustness:
     left_out = tuple(f"{place}: {reason}" for place, reason in played.problems.items())
     if played.table is None:
         return Robustness(pd.DataFrame(columns=[*COLUMNS]), (), (), left_out)
-    values = _corrected(pd.DataFrame([*_values(report, played)], columns=[*COLUMNS]))
+    values = _corrected(_values(report, played))[[*COLUMNS]]
     needing = {name for facts in played.facts for name in facts.get("needs_others", ())}
     matrices = tuple(_matrices(report, values, needing))
     return Robustness(values, matrices, tuple(_notes(played, values, needing)), left_out)
 
 
-def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
-    """Yield a row for each task, policy, partner or condition, and rate."""
+def _values(report: Report, played: Played) -> Frame:
+    """Return a row for each task, policy, partner or condition, and rate."""
     table: Frame = played.table
     seed = played.facts[0]["training_seed"]
+    sides: list[Frame] = []
+    names: list[dict[str, Any]] = []
     for (task, traffic), cell in table.groupby(["task", "task_traffic"], sort=True):
         worlds, agents = cell["world"].unique(), cell["agent"].nunique()
         for policy, own in cell.groupby("algorithm", sort=True):
             test = reference_rows(report.results, task, traffic, policy, seed)
             test = None if test is None else test[test["world"].isin(worlds)]
-            names = {"task": task, "traffic": traffic, "policy": policy}
             for kind, name, rows, count in _parts(own, test, agents):
-                is_test = name in (SELF, TEST)
-                against = None if is_test or test is None else pd.concat([test] * count, ignore_index=True)
-                for row in _compared(rows, against, {**names, "kind": kind, "with": name}):
-                    mean = f"mean over {count} partners" if name == XP else ""
-                    yield row | {"note": "; ".join(filter(None, (mean, row["note"])))}
+                labels = {_NUMBER: len(names), "training_seed": 0, "mode": ""}
+                against = [] if name in (SELF, TEST) or test is None else [test] * count
+                sides.append(rows.assign(**labels, _side=_PLAYED))
+                sides += [each.assign(**labels, _side=_TEST) for each in against]
+                mean = f"mean over {count} partners" if name == XP else ""
+                place = {"task": task, "traffic": traffic, "policy": policy}
+                names.append({**place, "kind": kind, "with": name, "mean": mean})
+    both = pd.concat(sides, ignore_index=True)
+    plays: Frame = both[both["_side"] == _PLAYED]
+    found = compute(plays, [_NUMBER], RATES).drop(columns="note")
+    gaps = compare(both, RATES, [_NUMBER], "_side", family=())
+    gaps = gaps.rename(columns={"value": "difference", "low": "difference_low", "high": "difference_high"})
+    answer = found.merge(gaps, how="left", on=[_NUMBER, "metric"]).join(pd.DataFrame(names), on=_NUMBER)
+    notes = zip(answer["mean"], answer["note"].fillna(""), strict=True)
+    return answer.assign(note=["; ".join(filter(None, each)) for each in notes])
 
 
 def _parts(own: Frame, test: Frame | None, agents: int) -> Iterator[tuple[str, str, Frame, int]]:
@@ -133,29 +144,6 @@ def _parts(own: Frame, test: Frame | None, agents: int) -> Iterator[tuple[str, s
             yield UNDER, TEST, test, 1
         for name, rows in under.groupby(CONDITION, sort=True):
             yield UNDER, str(name), rows, 1
-
-
-def _compared(rows: Frame, test: Frame | None, names: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield both rates of some rows, and their differences from the test's."""
-    found = {each["metric"]: each for each in compute(rows, [], RATES).to_dict("records")}
-    gaps: dict[str, Any] = {}
-    if test is not None:
-        sides = [rows.assign(_side=_PLAYED), test.assign(_side=_TEST, training_seed=0)]
-        sides[0]["training_seed"] = 0
-        sides[0]["mode"] = sides[1]["mode"] = ""
-        both = pd.concat(sides, ignore_index=True)
-        gaps = {each["metric"]: each for each in compare(both, RATES, [], "_side").to_dict("records")}
-    for metric in RATES:
-        value, gap = found[metric], gaps.get(metric, {})
-        yield {
-            **names,
-            **{key: value[key] for key in ("metric", "value", "low", "high", "n", "episodes")},
-            "difference": gap.get("value", math.nan),
-            "difference_low": gap.get("low", math.nan),
-            "difference_high": gap.get("high", math.nan),
-            "p_value": gap.get("p_value", math.nan),
-            "note": gap.get("note", ""),
-        }
 
 
 def _corrected(values: Frame) -> Frame:

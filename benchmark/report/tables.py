@@ -13,7 +13,7 @@ from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.ranking import RANKED_BY
-from benchmark.report.values import by_key, measure_conditions, p_text
+from benchmark.report.values import Value, by_key, measure_conditions, p_text
 from benchmark.report.wording import left_out, pairs_notes
 from benchmark.results.reading import CONDITION
 
@@ -59,20 +59,6 @@ DIFFERENCE_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class MetricCell:
-    """A value in the table of metrics."""
-
-    text: str
-    interval: str
-    count: str
-    """What it was measured on, if that is not all agent-episodes."""
-    sort: str
-    """Key by which the value is sorted, empty for n/a."""
-    notes: tuple[int, ...]
-    """Numbers of its notes."""
-
-
-@dataclass(frozen=True)
 class MetricsRow:
     """An algorithm in a condition and a mode."""
 
@@ -85,7 +71,8 @@ class MetricsRow:
     n: int
     seeds: str
     """How many training seeds, empty for a scripted policy."""
-    cells: tuple[MetricCell | None, ...]
+    cells: tuple[tuple[Value, list[int]] | None, ...]
+    """Values with the numbers of their notes."""
 
     @property
     def label(self) -> str:
@@ -118,13 +105,11 @@ def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
 
 def _entry(
     report: Report, place: tuple[str, str, str, str], metric: str, notes: dict[str, int]
-) -> MetricCell | None:
+) -> tuple[Value, list[int]] | None:
     found = report.value(*place, metric)
     if found is None:
         return None
-    numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
-    sort = f"{found.value:z.6g}" if found.is_known else ""
-    return MetricCell(found.text, found.interval, found.count_text, sort, tuple(numbers))
+    return found, [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
 
 
 def generalization_rows(report: Report) -> list[list[str]]:

@@ -93,6 +93,11 @@ class Value:
         return 2 if METRICS[self.metric].is_share else 1
 
     @property
+    def sort(self) -> str:
+        """Key by which the value is sorted, empty for n/a."""
+        return f"{self.value:z.6g}" if self.is_known else ""
+
+    @property
     def text(self) -> str:
         """The value as it is shown everywhere."""
         return f"{self.value:z.{self.digits}f}" if self.is_known else "n/a"

@@ -152,7 +152,6 @@ class RunFolder:
                 here[START] = digest_of(RunFolder(Path(content[START])).networks())
         is_extended = _is_extended(here, there)
         compared = comparable(there, here), comparable(here, there)
-        self._check_code(*compared)
         differing = differing_values(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             settings = [each.get("settings") for each in compared]
@@ -165,12 +164,7 @@ class RunFolder:
                 "(with a larger budget and all else as it is, the run trains on)",
             )
         if is_extended and self.status in (TESTING, FINISHED) and not self._is_there(self.checkpoint):
-            raise ResultsError(
-                "there is no checkpoint to train on from with a larger budget: "
-                + differing_values(there, here),
-                place=str(self.checkpoint),
-                remedy="bring it back from a copy, or give the experiment another name or --out",
-            )
+            self.kept("last")
 
     def check_start(self, content: Mapping[str, Any]) -> None:
         """Raise if the run has not begun, and cannot start from the run that it names.
@@ -184,15 +178,6 @@ class RunFolder:
             if (trained := other.read_config()["algorithm"]) != content["algorithm"]:
                 problem = f"is a run of {trained}, from which {content['algorithm']} cannot start"
                 raise ResultsError(problem, place=str(other.path), remedy="name a run of this algorithm")
-
-    def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
-        if changed := changed_code(there, here):
-            raise ResultsError(
-                f"here are results of other code: {', '.join(changed)} has changed since this run",
-                place=str(self.path),
-                remedy="restore the code, give the experiment another name or --out, or remove the folder to "
-                "start again",
-            )
 
     def is_extended(self, content: Mapping[str, Any]) -> bool:
         """Return whether the folder holds this run with a smaller budget."""
@@ -294,7 +279,7 @@ class RunFolder:
             return folder
         problem, other = f"the run has no {checkpoint} checkpoint", "last"
         has_last = checkpoint != other and self.checkpoint.exists()
-        remedy = f"take the last one: --checkpoint {other}" if has_last else "train it further"
+        remedy = f"take the last one: --checkpoint {other}" if has_last else "train it, into another --out"
         raise ResultsError(problem, place=str(self.path), remedy=remedy)
 
     def networks(self) -> dict[str, bytes]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.version import (
     ENVIRONMENT,
+    Played,
     changed_code,
     changed_scenarios,
     changed_settings,
@@ -50,14 +51,21 @@ def commits_of(run: RunResult) -> list[str]:
     return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
 
 
-def unlike_version(version: int, environment: Mapping[str, Any]) -> list[str]:
-    """Return the settings of an environment that are not as a version froze them; none of an empty one."""
-    if not environment:
-        return []
+def unlike_version(version: int, scenarios: Played, environment: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the scenarios, and the settings of an environment, that are not as a version froze them.
+
+    Args:
+        version: Version of the benchmark.
+        scenarios: Digests of what was played.
+        environment: The settings; empty if they are not known.
+    """
+    for name in changed_scenarios(version, scenarios):
+        yield f"scenario {name}"
     try:
-        return changed_settings(version, fitted(environment, Environment))
+        changed = changed_settings(version, fitted(environment, Environment)) if environment else []
     except (ConfigError, RecursionError):
-        return ["(unreadable)"]
+        changed = ["(unreadable)"]
+    yield from (f"environment.{name}" for name in changed)
 
 
 def _named(version: int | None) -> str:
@@ -91,10 +99,9 @@ def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:
         return [f"This program does not know what version {version} froze."]
     found: dict[str, list[str]] = {}
     for run in runs:
-        for scenario in changed_scenarios(version, {run.traffic: run.scenarios}):
-            found.setdefault(f"the scenario {scenario}", []).append(str(run))
-        for name in unlike_version(version, run.config.get(ENVIRONMENT) or {}):
-            found.setdefault(f"environment.{name}", []).append(str(run))
+        environment = run.config.get(ENVIRONMENT) or {}
+        for name in unlike_version(version, {run.traffic: run.scenarios}, environment):
+            found.setdefault(name, []).append(str(run))
     lines = [f"Not as version {version} froze it: {x} of {', '.join(names)}." for x, names in found.items()]
     if "metrics" in changed_code(version):
         lines.append(f"This report's code of metrics is not as version {version} froze it.")

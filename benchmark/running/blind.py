@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.acting import Request, part_of
-from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.errors import SmartsError
@@ -78,7 +77,8 @@ class SeparateAgents(RemoteAgent):
         """Return the actions of the vehicles, which are asked for one after the other.
 
         Raises:
-            HostError: One fails, or does not answer, or answers are of different shapes.
+            HostError: One fails, or does not answer.
+            ValueError: Answers are of different shapes.
         """
         if not len(obs.agent_id):
             return super().act(obs)
@@ -88,9 +88,6 @@ class SeparateAgents(RemoteAgent):
                 self._agents[vehicle] = RemoteAgent(self.start, self.facts)
             alone = part_of(Request(obs), np.arange(len(obs.agent_id)) == row)
             answers.append(self._agents[vehicle].act(alone.batch))
-        if len({each.shape for each in answers}) > 1:
-            shapes = ", ".join(str(each.shape[1:]) for each in answers)
-            raise HostError(f"the agent answers by actions of the shapes {shapes}", place=self.start.place)
         return np.concatenate(answers)
 
     def close(self) -> None:

@@ -33,7 +33,6 @@ from smarts.env.groups import ALONE
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own
-from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent
@@ -78,16 +77,10 @@ def evaluate_agent(
     """
     check_free(out)
     import_own(imports)
-    agent, interface = make_agent(locator, **(options or {}))
+    agent, interface = batch_agent(locator, **(options or {}))
     try:
-        if not isinstance(agent, BatchAgent):
-            raise SmartsError(
-                "the agent acts on Observation objects",
-                place=f"agent {locator!r}",
-                remedy="derive it from BatchAgent, which acts on arrays",
-            )
         task = {"name": name_of(scenarios), "scenarios": [*scenarios]}
-        driven = _environment(agent, interface, agents, engine, f"agent {locator!r}")
+        driven = environment_of(agent, interface, agents, engine, f"agent {locator!r}")
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
             setting = _setting(task, traffic or TRAFFIC, driven, episodes, out, imports)
@@ -97,7 +90,23 @@ def evaluate_agent(
             agent.close()
 
 
-def _environment(
+def batch_agent(locator: str, **options: Any) -> tuple[BatchAgent, AgentInterface]:
+    """Return an agent that acts on arrays.
+
+    Raises:
+        SmartsError: There is none, or it acts on `Observation` objects.
+    """
+    agent, interface = make_agent(locator, **options)
+    if not isinstance(agent, BatchAgent):
+        raise SmartsError(
+            "the agent acts on Observation objects",
+            place=f"agent {locator!r}",
+            remedy="derive it from BatchAgent, which acts on arrays",
+        )
+    return agent, interface
+
+
+def environment_of(
     agent: BatchAgent, interface: AgentInterface, agents: int, engine: str | None, place: str
 ) -> Environment:
     """Return the benchmark's environment with an agent's observation, action, vehicle and period."""
@@ -250,19 +259,18 @@ class _AgentDriver:
         self._known |= now.alive[0]
         block = self._env.spaces.blocks[0]
         chosen = np.zeros((1, len(block.agents), *(block.action.shape or ())), block.action.dtype)
-        place = type(self._agent).__name__
+        given = self._agent.act(batch)
         try:
-            answer = checked_actions(self._agent.act(batch), len(batch.env_id))
-        except WrongActionsError as error:
-            raise OwnCodeError(f"the agent {error}", place=place) from error
-        is_whole = chosen.dtype.kind not in "iu" or np.array_equal(answer, answer.astype(chosen.dtype))
-        if answer.shape[1:] != chosen.shape[2:] or not is_whole:
+            answer = checked_actions(given, len(batch.env_id))
+            chosen[0, batch.agent_id] = answer
+            if (chosen[0, batch.agent_id] != answer).any() and chosen.dtype.kind in "iu":
+                raise WrongActionsError(f"answered by {answer.dtype}, not by whole numbers")
+        except (ValueError, WrongActionsError) as error:  # of another shape, or no numbers
             raise OwnCodeError(
-                f"the agent answered by {answer.dtype} of shape {answer.shape}",
-                place=place,
+                f"the agent {error}",
+                place=type(self._agent).__name__,
                 remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
-            )
-        chosen[0, batch.agent_id] = answer
+            ) from error
         return [chosen]
 
     def _batch(self, now: VectorStep) -> ActionBatch:
@@ -332,15 +340,9 @@ def evaluate_checkpoint(
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
     asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
     environment = trained.task_setting.environment
-    if agents is not None and isinstance(environment.agents, dict):
-        raise SmartsError("its agents have names, so there are no others", place="--agents")
     changes = _changes(agents, engine)
     asked["environment"] = fitted(environment.model_dump() | changes, Environment, str(path))
     run = replace(trained, task_setting=replace(trained.task_setting, **asked))
-    for scenario in run.task_setting.task.trained_on:
-        build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
-            run.task_setting.environment.mission_count
-        )
     task_setting = run.task_setting
     is_alike = task_setting.traffic == trained.task_setting.traffic and agents is None
     scenarios_now = scenario_digests(task_setting) if is_alike else {}

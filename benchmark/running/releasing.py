@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmark.experiment.runs import run_from
-from benchmark.experiment.version import changed_scenarios, code_digests
+from benchmark.experiment.version import code_digests
 from benchmark.results.files import ResultsError, check_free, replace_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
@@ -51,12 +51,11 @@ def write_release(
     finished = [run for run in results.finished if not run.is_scripted]
     runs = [run for run in finished if RunFolder(root / run.place).checkpoint.exists()]
     check_one_version(results.runs, str(root))
-    if not finished:
-        raise ResultsError("no trained run is finished", place=str(root), remedy="train it further")
     scenarios: dict[str, dict[str, str]] = {}
-    if wrong := [*_wrong(finished, scenarios)]:
+    wrong = [*_wrong(finished, scenarios)] if finished else ["no trained run is finished"]
+    if wrong:
         raise ResultsError(
-            f"not to be released: {'; '.join(wrong)}", place=str(root), remedy="train these runs again"
+            f"not to be released: {'; '.join(wrong)}", place=str(root), remedy="train these runs, or again"
         )
     missing = [f"{run} has no last checkpoint here" for run in finished if run not in runs]
     missing += _missing(results, runs)
@@ -101,10 +100,8 @@ def _wrong(runs: Sequence[RunResult], scenarios: dict[str, dict[str, str]]) -> I
                 yield f"{run}: the scenario {scenario} is another than that of other runs"
         if number is None:
             continue
-        for scenario in changed_scenarios(number, {run.traffic: run.scenarios}):
-            yield f"{run}: the scenario {scenario} is not as version {number} froze it"
-        for name in unlike_version(number, run.config["environment"]):
-            yield f"{run}: environment.{name} is not as version {number} froze it"
+        for name in unlike_version(number, {run.traffic: run.scenarios}, run.config["environment"]):
+            yield f"{run}: {name} is not as version {number} froze it"
 
 
 def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:

@@ -135,22 +135,22 @@ def _policies(results: Results, task: str, traffic: str, seed: int, given: Given
         and (not given.algorithms or run.algorithm in given.algorithms)
     }
     lacking = [f"{run}: {run.status}" for run in found.values() if run.table is None]
-    if lacking or not found:
-        raise ResultsError(
-            f"not finished: {'; '.join(lacking)}" if lacking else "there is no trained policy",
-            place=where,
-            remedy="finish them, or choose others with --algorithm, --task and --seed",
-        )
-    tested = min(_tested(run.table) for run in found.values())
+    tested = min((_tested(run.table) for run in found.values() if run.table is not None), default=0)
     episodes = given.episodes or min(EPISODES, tested)
-    if not 0 < episodes <= tested:
-        raise ResultsError(
-            f"{episodes} episodes, and the tests have {tested} greedy ones, with which plays are compared",
-            place=where,
-            remedy="give fewer --episodes, or test with evaluation.modes: [greedy]",
+    problem, remedy = "", "finish them, or choose others with --algorithm, --task and --seed"
+    runs: dict[str, Run] = {}
+    if lacking or not found:
+        problem = f"not finished: {'; '.join(lacking)}" if lacking else "there is no trained policy"
+    elif not 0 < episodes <= tested:
+        problem = (
+            f"{episodes} episodes, and the tests have {tested} greedy ones, with which plays are compared"
         )
-    runs = {name: _read(results.root, run, given) for name, run in found.items()}
-    _check_cross_play(next(iter(runs.values())).task_setting, given.partners)
+        remedy = "give fewer --episodes, or test with evaluation.modes: [greedy]"
+    else:
+        runs = {name: _read(results.root, run, given) for name, run in found.items()}
+        problem, remedy = _hindrance(next(iter(runs.values())).task_setting, given.partners)
+    if problem:
+        raise ResultsError(problem, place=where, remedy=remedy)
     trained = {name: trained_state(run) for name, run in found.items()}
     scripted = {file_name(name): name for name in given.partners}
     return Policies(results.root, seed, episodes, runs, trained, scripted)
@@ -180,25 +180,19 @@ def _read(root: Path, run: RunResult, given: Given) -> Run:
     return found
 
 
-def _check_cross_play(setting: TaskSetting, partners: Sequence[str]) -> None:
-    """Raise unless there are agents of two policies, which act alike."""
+def _hindrance(setting: TaskSetting, partners: Sequence[str]) -> tuple[str, str]:
+    """Return why there are no agents of two policies, which act alike, and what to do; "" if there are."""
     given = setting.environment
     if given.agent_count < 2 or given.learn_in_bubbles:
         problem = "agents learn in bubbles" if given.learn_in_bubbles else "there is one agent"
-        raise ResultsError(
-            f"{problem}, and cross-play is of two or more with missions",
-            place=str(setting),
-            remedy="choose another --task",
-        )
+        return f"{problem}, and cross-play is of two or more with missions", "choose another --task"
     # One's own policies and adapters know of each other.
     ours = [x for x in partners if SCRIPTED_POLICIES[x].__module__.startswith("benchmark.scripted.")]
     actions = {each.action for each in given.driving().values()}
     if ours and given.adapter is None and actions != {"Lane"}:
-        raise ResultsError(
-            f"{', '.join(ours)} act by lane actions, the policies by {', '.join(sorted(actions))}",
-            place=str(setting),
-            remedy="choose another --partner, or --partner none",
-        )
+        problem = f"{', '.join(ours)} act by lane actions, the policies by {', '.join(sorted(actions))}"
+        return problem, "choose another --partner, or --partner none"
+    return "", ""
 
 
 def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Iterator[str]:

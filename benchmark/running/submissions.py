@@ -8,13 +8,13 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, cast
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import SCRIPTED, TaskSetting
-from benchmark.experiment.version import ENVIRONMENT, SCENARIOS, changed_scenarios, differences, versions
+from benchmark.experiment.version import ENVIRONMENT, SCENARIOS, differences, versions
 from benchmark.results.files import ResultsError
 from benchmark.results.release import (
     ADDRESS,
@@ -29,28 +29,25 @@ from benchmark.results.release import (
 )
 from benchmark.results.versions import unlike_version
 from benchmark.running.blind import RefusedError, SeparateAgents
+from benchmark.running.evaluating import batch_agent, environment_of
 from benchmark.running.played import scenario_digests
 from benchmark.running.trained import trained_on
 from smarts.agents.hosting.options import HostError
-from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import BatchAgent
 from smarts.config import fitted
 from smarts.errors import SmartsError, shown
 from smarts.observations.lists import FeatureChoice, feature_list
 from smarts.sstudio.locating import VARIATION_MARK
-from smarts.zoo import make_agent
 from smarts.zoo.exported import ExportedPolicy, exported_spec
 from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.weights import CONTENT, file_digest, weights_files
 
+if TYPE_CHECKING:
+    from smarts.agents.hosting.remote import RemoteAgent
+
 UNPACKED = 64_000_000
 """Bytes of a policy's weights in memory."""
-DRIVING = {
-    "vehicle_class": "vehicle",
-    **{name: name for name in ("vehicle_model", "tyre_model", "flat_tyres")},
-}
-"""Field of an agent's interface -> setting of the environment."""
 
 
 def submitted(
@@ -71,18 +68,11 @@ def submitted(
         addresses: Addresses that a manifest may name: nothing is sent to others.
 
     Raises:
-        SmartsError: It is no submission, or names another address; or a folder is given a version, scenarios
-            or traffic, which it names itself.
+        SmartsError: It is no submission, or names another address.
     """
     folder = Path(given)
     if given.startswith(ADDRESS):
         return _at_address(given, number or max(versions()), scenarios, traffic), folder
-    if number is not None or scenarios or traffic:
-        raise ResultsError(
-            "--benchmark-version, --scenario and --traffic are for an address: a folder names its own",
-            place=given,
-            remedy="leave it out",
-        )
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         named = {entry.agent for entry in manifest.policies if entry.is_remote}
@@ -171,10 +161,8 @@ def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:
     for part, digest in manifest.code.items():
         if versions()[number].get(part) != digest:
             yield f"its code of {part} is not that of version {number}"
-    for name in changed_scenarios(number, manifest.scenarios):
-        yield f"its scenario {name} is not that of version {number}"
-    for name in unlike_version(number, manifest.environment):
-        yield f"its environment.{name} is not that of version {number}"
+    for name in unlike_version(number, manifest.scenarios, manifest.environment):
+        yield f"its {name} is not that of version {number}"
     for entry in manifest.policies:
         yield from _wrong_names(entry, versions()[number][SCENARIOS])
     for name, count in Counter(map(str, manifest.policies)).items():
@@ -199,16 +187,12 @@ def _wrong_policies(manifest: Manifest, folder: Path) -> Iterator[str]:
     for entry in manifest.policies:
         agent = entry.agent
         if not entry.is_remote:
-            try:
-                policy = check_policy(entry, folder)
-            except SmartsError as error:
-                yield f"{entry}: {error.problem}"
+            if fault := _fault(entry, folder):
+                yield f"{entry}: {fault}"
                 continue
-            except Exception as error:  # of zip, of numpy or of a value of a wrong type
-                kind = type(error).__name__
-                yield f"{entry}: {agent}: not as `smarts-bench export` writes it ({kind}: {error})"
-                continue
-            agent, total = policy.digest, total + policy.size
+            place = folder / agent
+            agent = _digest_of(ExportedPolicy(place, TEAM))
+            total += sum(file.stat().st_size for file in files_of(place))
         other = seeds.setdefault((entry.condition, agent), entry.seed)
         if other != entry.seed:
             yield f"{entry}: its policy is that of seed {other}"
@@ -216,65 +200,54 @@ def _wrong_policies(manifest: Manifest, folder: Path) -> Iterator[str]:
         yield f"its policies have {total:,} bytes, of at most {LARGEST:,}"
 
 
-class Policy(NamedTuple):
-    """What a check of a policy's files has found."""
-
-    size: int
-    """Size of the files [bytes]."""
-    digest: str
-    """Digest of the policy's weights, however they are packed."""
-
-
-def check_policy(entry: Entry, folder: Path) -> Policy:
-    """Return what the files of an entry's policy hold.
-
-    Args:
-        entry: Entry of the manifest.
-        folder: Folder of the manifest.
-
-    Raises:
-        SmartsError: They are not those of the manifest, too large, of another training or version, or act on
-            what they may not see.
-        Exception: They hold no policy.
-    """
-    place = (folder / entry.agent).resolve()
-    if not place.is_relative_to(folder.resolve()):
-        raise RefusedError(f"its policy {entry.agent} is outside of the submission")
-    files = files_of(place)
-    size = sum(_size_of(entry, file) for file in files)
-    trained = trained_on(place)
-    for name, given in entry.names.items():
-        if given != (found := getattr(trained, name)):
-            raise RefusedError(f"its policy was trained with {name} {shown(found)}, not {shown(given)}")
-    unpacked = sum(map(_unpacked, files[1:]))
-    if unpacked > UNPACKED:
-        raise RefusedError(f"{entry.agent}: its weights have {unpacked:,} bytes, of at most {UNPACKED:,}")
-    policy = ExportedPolicy(place, TEAM)
-    if policy.talks and entry.algorithm in ALGORITHMS and not ALGORITHMS[entry.algorithm].communication:
-        raise RefusedError(f"its vehicles act on what others see, which those of {entry.algorithm} do not")
+def _digest_of(policy: ExportedPolicy) -> str:
+    """Return the digest of a policy's weights, however they are packed."""
     found = hashlib.blake2b(digest_size=16)
     for array in policy.weights():
         found.update(str(array.shape).encode() + array.tobytes())
-    return Policy(size, found.hexdigest())
+    return found.hexdigest()
+
+
+def _fault(entry: Entry, folder: Path) -> str:
+    """Return what is wrong with an entry's policy, "" if nothing is."""
+    try:
+        return next(_faults(entry, folder), "")
+    except SmartsError as error:
+        return error.problem
+    except Exception as error:  # of zip, of numpy or of a value of a wrong type
+        return f"{entry.agent}: not as `smarts-bench export` writes it ({type(error).__name__}: {error})"
+
+
+def _faults(entry: Entry, folder: Path) -> Iterator[str]:
+    """Yield what is wrong with an entry's policy: what stands first is what may be read of it next."""
+    place = (folder / entry.agent).resolve()
+    if not place.is_relative_to(folder.resolve()):
+        yield f"its policy {entry.agent} is outside of the submission"
+    files = files_of(place)
+    claims = entry.files or entry.scores or entry.episodes
+    for file in files:
+        name = f"{entry.agent}/{file.name}"
+        if not file.is_file() or file.is_symlink():
+            yield f"there is no file {name}"
+        if file.stat().st_size > LARGEST_FILE:
+            yield f"{name} has more than {LARGEST_FILE:,} bytes"
+        if claims and entry.files.get(file.name) != file_digest(file.read_bytes()):
+            yield f"{name} is not the file that its manifest describes"
+    trained = trained_on(place)
+    for name, given in entry.names.items():
+        if given != (found := getattr(trained, name)):
+            yield f"its policy was trained with {name} {shown(found)}, not {shown(given)}"
+    unpacked = sum(map(_unpacked, files[1:]))
+    if unpacked > UNPACKED:
+        yield f"{entry.agent}: its weights have {unpacked:,} bytes, of at most {UNPACKED:,}"
+    is_open = entry.algorithm not in ALGORITHMS or ALGORITHMS[entry.algorithm].communication
+    if ExportedPolicy(place, TEAM).talks and not is_open:  # which reads all weights
+        yield f"its vehicles act on what others see, which those of {entry.algorithm} do not"
 
 
 def files_of(place: Path) -> list[Path]:
     """Return the files of an exported policy: its description, then its weights."""
     return [place / CONTENT, *weights_files(place)]
-
-
-def _size_of(entry: Entry, file: Path) -> int:
-    """Return the bytes of a file that is the one which its manifest describes."""
-    name = f"{entry.agent}/{file.name}"
-    if not file.is_file() or file.is_symlink():
-        raise RefusedError(f"there is no file {name}")
-    size = file.stat().st_size
-    if size > LARGEST_FILE:
-        raise RefusedError(f"{name} has more than {LARGEST_FILE:,} bytes")
-    claims = entry.files or entry.scores or entry.episodes
-    if claims and entry.files.get(file.name) != file_digest(file.read_bytes()):
-        raise RefusedError(f"{name} is not the file that its manifest describes")
-    return size
 
 
 def _unpacked(file: Path) -> int:
@@ -306,21 +279,20 @@ def agent_of(entry: Entry, folder: Path, environment: Environment) -> BatchAgent
     """
     try:
         agent, interface = _made(entry, folder)
+        differing = [*_differing(agent, interface, environment)]
     except HostError:
         raise
     except SmartsError as error:
         raise RefusedError(error.problem, place=str(entry), remedy=error.remedy) from error
-    if differing := [*_differing(agent, interface, environment)]:
+    if differing:
         raise RefusedError("; ".join(differing), place=str(entry))
     return agent
 
 
 def _made(entry: Entry, folder: Path) -> tuple[BatchAgent, AgentInterface]:
     if entry.is_remote:
-        agent, interface = make_agent(entry.agent)
-        if not isinstance(agent, RemoteAgent):
-            raise RefusedError("acts on Observation objects", remedy="derive it from BatchAgent")
-        return SeparateAgents(agent), interface
+        agent, interface = batch_agent(entry.agent)
+        return SeparateAgents(cast("RemoteAgent", agent)), interface
     interface = exported_spec(folder / entry.agent, TEAM).interface
     assert interface is not None
     return ExportedPolicy(folder / entry.agent, TEAM), interface
@@ -332,13 +304,10 @@ def _differing(agent: BatchAgent, interface: AgentInterface, environment: Enviro
         yield f"observes what the task does not declare: {', '.join(unseen)}"
     if agent.period != environment.decision_interval:
         yield f"decides every {agent.period} steps, not every {environment.decision_interval}"
-    action = interface.action.name if interface.action is not None else None
-    if action != environment.action:
-        yield f"drives otherwise than the version: action {action}"
-    for name, setting in DRIVING.items():
-        wanted, has = getattr(environment, setting), getattr(interface, name)
-        if [*has] != [*wanted]:  # texts, or sequences of wheels
-            yield f"drives otherwise than the version: {name} {has}"
+    driven = environment_of(agent, interface, environment.agent_count, None, "the agent")
+    for name in ("action", "vehicle", "vehicle_model", "tyre_model", "flat_tyres"):
+        if (found := getattr(driven, name)) != getattr(environment, name):
+            yield f"drives otherwise than the version: {name} {found}"
 
 
 def undeclared(observation: Any, declared: Any) -> list[str]:

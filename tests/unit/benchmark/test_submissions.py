@@ -251,8 +251,6 @@ def test_digests_see_the_distance_to_the_micrometre_and_no_metric():
 def test_what_is_no_submission_is_named(tmp_path):
     with raises(ResultsError, tmp_path):
         submitted(str(tmp_path))
-    with raises(ResultsError, "theirs", values=["leave it out"]):
-        submitted(str(write_submission(tmp_path / "theirs")), number=1)
     for wrong in ({"number": 9}, {"number": 1, "scenarios": ["nowhere"]}):
         with raises(ResultsError, "--scenario, --traffic"):
             submitted("tcp://127.0.0.1:1", **wrong)
