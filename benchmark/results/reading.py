@@ -35,7 +35,7 @@ from benchmark.results.commands import COMMAND, read_commands
 from benchmark.results.files import ResultsError, read_versioned
 from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, VERDICTS
-from benchmark.results.run_folder import BUDGET, FINISHED, SCENARIOS, TABLE, RunFolder
+from benchmark.results.run_folder import FINISHED, SCENARIOS, TABLE, RunFolder
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own, is_own_name
 
@@ -57,34 +57,8 @@ def run_folder(root: Path, place: Path, packed: Mapping[str, Any]) -> RunFolder:
         place: Place of the run.
         packed: Result of `packed_contents`.
     """
-    folder, content = RunFolder(root / place), packed.get(place.as_posix())
-    return folder if content is None or folder.run.exists() else PackedRun(folder.path, content)
-
-
-class PackedRun(RunFolder):
-    """A finished run that is packed: what its folder would say of it."""
-
-    def __init__(self, path: Path, content: Mapping[str, Any]) -> None:
-        super().__init__(path)
-        self._packed = content
-
-    def facts(self) -> dict[str, Any]:
-        """Return the content of run.json."""
-        return dict(self._packed["run"])
-
-    def read_config(self) -> dict[str, Any]:
-        """Return the content of config.yaml."""
-        return dict(self._packed["config"])
-
-    @property
-    def has_lost_checkpoint(self) -> bool:
-        """Whether it was trained."""
-        return BUDGET in self._packed["config"]
-
-    @property
-    def has_table(self) -> bool:
-        """Whether the test's table is there, packed with those of other runs."""
-        return True
+    folder = RunFolder(root / place)
+    return folder if folder.run.exists() else RunFolder(folder.path, packed.get(place.as_posix()))
 
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"

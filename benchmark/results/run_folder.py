@@ -68,10 +68,15 @@ FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 
 
 class RunFolder:
-    """The results of one run on disk."""
+    """The results of one run on disk.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    Args:
+        path: The folder.
+        packed: What `results/pack.py` has kept of a finished run in place of its folder.
+    """
+
+    def __init__(self, path: Path, packed: Mapping[str, Any] | None = None) -> None:
+        self.path, self._packed = path, packed
         self.config = path / "config.yaml"
         self.run = path / "run.json"
         self.progress = path / "progress.csv"
@@ -88,6 +93,8 @@ class RunFolder:
         Raises:
             ResultsError: It is damaged, or of another format.
         """
+        if self._packed:
+            return dict(self._packed["run"])
         return read_versioned(self.run) if self.run.exists() else {}
 
     @property
@@ -99,7 +106,7 @@ class RunFolder:
     def has_table(self) -> bool:
         """Whether the test's table is there and whole."""
         with suppress(SmartsError):
-            return len(read_table(self.table)) > 0
+            return self._packed is not None or len(read_table(self.table)) > 0
         return False
 
     @property
@@ -110,6 +117,8 @@ class RunFolder:
     @property
     def has_lost_checkpoint(self) -> bool:
         """Whether it was trained, and cannot be tested again."""
+        if self._packed:
+            return BUDGET in self._packed["config"]
         return self.progress.exists() and not self.checkpoint.exists()
 
     def is_finished(self, tested: Mapping[str, Any]) -> bool:
@@ -217,6 +226,8 @@ class RunFolder:
         Raises:
             ResultsError: It is missing or damaged.
         """
+        if self._packed:
+            return dict(self._packed["config"])
         try:
             return yaml.safe_load(self.config.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:

@@ -122,12 +122,12 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         import_own(own)
         return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
     except (ResultsError, ValueError) as error:
-        beside = (each.name for each in folder.path.parent.glob("*/"))
+        near = nearest_names(folder.path.name, (each.name for each in folder.path.parent.glob("*/")))
         raise ResultsError(
             f"not a run: {getattr(error, 'problem', error)}",
             place=str(folder.config if folder.path.exists() else folder.path),
             remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1, or that "
-            f"of an exported policy; beside it, {nearest_names(folder.path.name, beside)}",
+            "of an exported policy" + (f"; {near}" if near.startswith("did you mean") else ""),
         ) from error
 
 
