@@ -292,7 +292,7 @@ def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     metric.write_text(METRIC)
     written = folder.config.read_bytes(), folder.run.read_bytes()
     code.write_text("def speed(step):\n    return 2 * step.speed\n")
-    with raises(ResultsError, folder.path, values=["own_w:speed"]):
+    with raises(ResultsError, folder.config, values=["own_w:speed"]):
         scheduler()
     assert (folder.config.read_bytes(), folder.run.read_bytes()) == written
     # Runs of earlier versions recorded no digest: they are taken as they are.
