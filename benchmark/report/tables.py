@@ -137,7 +137,7 @@ def condition_rows(report: Report) -> list[list[str]]:
     """Return a row for each policy and condition of a test, or scenario, of tasks that play several."""
     rows, table = [], report.results.table
     tested = table[table["split"] == "train"]
-    for task, traffic in report.columns:
+    for task, traffic in report.columns if len(table) else ():
         own = tested[(tested["task"] == task) & (tested["task_traffic"] == traffic)]
         marks = own["variation"].where(own["variation"] == "", "@" + own["variation"])
         played = own["scenario"].str.cat(marks)
