@@ -20,6 +20,7 @@ from typing import Any
 
 import yaml
 
+from algorithms import config
 from benchmark.experiment.runs import (
     OWN_CODE,
     START,
@@ -179,14 +180,15 @@ class RunFolder:
         """Raise if the run has not begun, and cannot start from the run that it names.
 
         Raises:
-            ResultsError: That has no checkpoint, or is of another algorithm.
+            ResultsError: That has no checkpoint, or is of an algorithm with other policy networks.
         """
         if START in content and not self._has_results():
-            other = RunFolder(Path(content[START]))
+            other, own = RunFolder(Path(content[START])), content["algorithm"]
             other.kept("last")
-            if (trained := other.read_config()["algorithm"]) != content["algorithm"]:
-                problem = f"is a run of {trained}, from which {content['algorithm']} cannot start"
-                raise ResultsError(problem, place=str(other.path), remedy="name a run of this algorithm")
+            trained = other.read_config()["algorithm"]
+            if trained != own and config(trained).policy_module is not config(own).policy_module:
+                problem = f"is a run of {trained}, which has other policy networks than {own}"
+                raise ResultsError(problem, place=str(other.path), remedy=f"name a run of {own}")
 
     def is_extended(self, content: Mapping[str, Any]) -> bool:
         """Return whether the folder holds this run with a smaller budget."""

@@ -39,6 +39,8 @@ def test_only_a_run_that_has_not_begun_needs_what_it_starts_from(tmp_path):
     (tmp_path / "moved" / "config.yaml").write_text(yaml.safe_dump({"algorithm": "dqn"}))
     with raises(ResultsError, tmp_path / "moved", values=["dqn", "ppo"]):
         RunFolder(tmp_path / "new").check_start(moved.content())
+    (tmp_path / "moved" / "config.yaml").write_text(yaml.safe_dump({"algorithm": "centralised_v"}))
+    RunFolder(tmp_path / "new").check_start(moved.content())  # the policies are PPO's
     weights.write_bytes(b"others")
     with raises(ResultsError, folder.config, values=["start_from"]):
         folder.check(moved.content())
