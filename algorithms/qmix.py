@@ -3,8 +3,8 @@
 Rashid et al. 2018, "QMIX: Monotonic Value Function Factorisation for Deep Multi-Agent Reinforcement
 Learning", eq. 5: dQ_tot/dQ_i >= 0 by absolute weights from hypernetworks of the global state; loss of eq. 6.
 
-Deviations: as VDN; the state is the environment's, or all observations side by side with which agents are
-    active.
+Deviations: as VDN; the state is the environment's, or all agents' encoded observations with which agents are
+active; the hypernetworks read it standardised over its numbers (layer normalisation without weights).
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ class MonotoneMixer(nn.Module):
         super().__init__()
         self._shape = agents, width
         self.encoder, state = encoder, encoder.size
+        # Weights far above the usual, of agents that have strayed far, would make values diverge.
+        self.normal = nn.LayerNorm(state, elementwise_affine=False) if state > 1 else nn.Identity()
         self.first_weight = perceptron([state, 64, agents * width], nn.ReLU)
         self.first_bias = nn.Linear(state, width)
         self.last_weight = perceptron([state, 64, width], nn.ReLU)
@@ -37,7 +39,7 @@ class MonotoneMixer(nn.Module):
 
     def forward(self, values: Tensor, view: JointView) -> Tensor:
         """Return the team's values (M,) of the agents' (M, N)."""
-        state = self.encoder(view)
+        state = self.normal(self.encoder(view))
         weight = self.first_weight(state).abs().unflatten(-1, self._shape)
         hidden = nn.functional.elu(torch.einsum("mn,mnw->mw", values, weight) + self.first_bias(state))
         return (hidden * self.last_weight(state).abs()).sum(-1) + self.last_bias(state).squeeze(-1)

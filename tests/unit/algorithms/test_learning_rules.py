@@ -134,11 +134,14 @@ def test_maddpg_with_one_agent_is_ddpg():
 def test_the_mixer_is_monotone_and_depends_on_the_state():
     rig = Rig("qmix", TwoStep, **REPLAY)
     mixer = rig.learner.net("team__mixer").mixer
-    values, state = torch.randn(50, 2, requires_grad=True), torch.randn(50, 3)
-    (slope,) = torch.autograd.grad(mixer(values, state).sum(), values)
+    batch = replayed(rig, 50, epsilon=1.0)
+    values = torch.randn(len(batch), 2, requires_grad=True)
+    view, other, far = (replace(batch, state=s) for s in (batch.state, -batch.state, 100 * batch.state))
+    (slope,) = torch.autograd.grad(mixer(values, view).sum(), values)
     assert (slope >= 0).all()
     assert (slope > 0).any()
-    assert (mixer(values, state) != mixer(values, -state)).any()
+    assert (mixer(values, view) != mixer(values, other)).any()
+    torch.testing.assert_close(mixer(values, view), mixer(values, far), rtol=1e-3, atol=1e-3)
 
 
 class Gifts(Game):
