@@ -107,16 +107,6 @@ class JointSpec:
             groups.append(replace(group, set_width=set_width))
         return cls(agents, spaces, tuple(groups))
 
-    @property
-    def joint_size(self) -> int:
-        """Width of all agents' flattened observations side by side."""
-        return sum(len(b.agents) * observation_size(b.observation) for b in self.spaces.blocks)
-
-    @property
-    def state_size(self) -> int:
-        """Width of the global state that centralised critics see; see `JointView.global_state`."""
-        return self.spaces.state or self.joint_size + len(self.agents)
-
     def describe(self) -> dict[str, Any]:
         """Return what a checkpoint depends on, in plain comparable values."""
         described: dict[str, Any] = {
@@ -151,11 +141,6 @@ def check_spaces(found: JointSpec, wanted: JointSpec, *, place: str) -> None:
             place=place,
             remedy="evaluate with the agents and the observation of the training",
         )
-
-
-def observation_size(leaves: Mapping[str, Box]) -> int:
-    """Return the number of floats of one agent's flattened observation."""
-    return sum(int(np.prod(space.shape)) for space in leaves.values())
 
 
 def agent_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
