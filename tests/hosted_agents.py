@@ -79,6 +79,9 @@ class Misbehaving(BatchAgent):
     def answer_texts(self, count):
         return np.array(["keep_lane"] * count)
 
+    def answer_a_column(self, count):
+        return np.zeros((count, 1), int)
+
     def answer_too_few(self, count):
         return np.zeros(count + 1, int)
 

@@ -262,15 +262,16 @@ class _AgentDriver:
         given = self._agent.act(batch)
         try:
             answer = checked_actions(given, len(batch.env_id))
-            chosen[0, batch.agent_id] = answer
-            if (chosen[0, batch.agent_id] != answer).any() and chosen.dtype.kind in "iu":
-                raise WrongActionsError(f"answered by {answer.dtype}, not by whole numbers")
-        except (ValueError, WrongActionsError) as error:  # of another shape, or no numbers
+            is_whole = chosen.dtype.kind not in "iu" or np.array_equal(answer, answer.astype(chosen.dtype))
+            if answer.shape[1:] != chosen.shape[2:] or not is_whole:
+                raise WrongActionsError(f"answered by {answer.dtype} of shape {answer.shape}")
+        except WrongActionsError as error:
             raise OwnCodeError(
                 f"the agent {error}",
                 place=type(self._agent).__name__,
                 remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
             ) from error
+        chosen[0, batch.agent_id] = answer
         return [chosen]
 
     def _batch(self, now: VectorStep) -> ActionBatch:

@@ -5,7 +5,7 @@ import pytest
 
 from benchmark.running.evaluating import evaluate_agent
 from smarts.agents.hosting.options import HostError
-from smarts.errors import SmartsError
+from smarts.errors import OwnCodeError, SmartsError
 from tests.served_agents import served
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
@@ -27,6 +27,11 @@ def test_an_agent_that_fails_has_no_score():
     with served(*command) as address, pytest.raises(HostError) as raised:
         evaluate_agent(address, **TEST)
     assert address in raised.value.place
+
+
+def test_actions_of_another_shape_are_named():
+    with pytest.raises(OwnCodeError, match=r"answered by int64 of shape \(1, 1\)"):
+        evaluate_agent(MISBEHAVING, options={"how": "answer_a_column"}, **TEST | {"agents": 1})
 
 
 @pytest.mark.parametrize("locator", ["tests.hosted_agents:describing-v0", "no-such-v0", "tcp://127.0.0.1:1"])
