@@ -286,6 +286,10 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
     except SmartsError as error:
         problems[f"{place}/{folder.table.name}"] = f"{error.problem}; {TESTED_AGAIN}"
         return replace(run, status=UNREADABLE)
+    labels = table[["algorithm", "task", "task_traffic", "training_seed"]]
+    if others := {*labels.itertuples(index=False, name=None)} - {names}:
+        problems[f"{place}/{folder.table.name}"] = f"of another run: {others.pop()}; {TESTED_AGAIN}"
+        return replace(run, status=UNREADABLE)
     # Episodes of several runs may have one name.
     corrupted = {f"{place}: {name}": why for name, why in table.attrs[COUNTS]["corrupted"].items()}
     table.attrs[COUNTS] = {**table.attrs[COUNTS], "corrupted": corrupted}

@@ -34,6 +34,13 @@ def finished(root, change=lambda table: table) -> RunFolder:
     return folder
 
 
+def test_a_table_of_another_run_counts_for_none(tmp_path):
+    finished(tmp_path, lambda table: table.assign(algorithm="dqn"))
+    results = read_results(tmp_path)
+    assert not results.finished
+    assert "of another run" in results.problems[f"{PLACE}/episodes.parquet"]
+
+
 def test_a_metric_that_a_table_has_no_numbers_of_is_not_available(tmp_path):
     finished(tmp_path, lambda table: table.assign(overtakes=table["overtakes"].where(table.index != 2)))
     results = read_results(tmp_path)
