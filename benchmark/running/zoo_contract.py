@@ -18,7 +18,6 @@ from smarts.errors import OwnCodeError, ScenarioError, SmartsError, shown
 from smarts.observations.action_mask import MASK
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
-from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent, make_spec
 from smarts_agent_kit.service import FAILURES, checked_actions, problem_of
@@ -157,12 +156,12 @@ class ZooDrive:
         return asked
 
     def _batch(self, places: NDArray) -> ActionBatch:
-        count, nothing = len(places), np.zeros(len(places), np.int32)
+        nothing = np.zeros(len(places), np.int32)
         seen = {name: array[0, places] for name, array in self._seen.observations.items()}
         seeds = [hold_seed(self._seed, self.env.agent_ids[k], world=0, episode=0) for k in places.tolist()]
         return ActionBatch(
             observations={name: array for name, array in seen.items() if name != MASK},
-            action_mask=seen.get(MASK, np.ones((count, len(LaneAction)))).astype(np.bool_),
+            action_mask=self.env._env.runner.world.agents.action_mask[0, places],
             env_id=nothing,
             agent_id=places.astype(np.int32),
             hold=places.astype(np.int64),
@@ -170,7 +169,7 @@ class ZooDrive:
             step=nothing + np.int32(self._decisions * self._agent.period),
             is_first=np.array([place not in self._asked for place in places.tolist()]),
             seed=np.array(seeds, np.uint64),
-            drives=np.ones(count, np.bool_),
+            drives=np.ones(len(places), np.bool_),
         )
 
 

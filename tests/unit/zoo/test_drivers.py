@@ -63,6 +63,17 @@ def world_of(drive):
     return drive.env._env.runner.world
 
 
+def test_requests_have_the_mask_of_the_world():
+    agent, spec = IdmDriver(), AgentSpec(DRIVER, IdmDriver)
+    with ZooDrive(spec, agent, "loop", egos=2, traffic="no_social_vehicles") as drive:
+        drive.reset()
+        for _ in range(3):
+            wanted = world_of(drive).agents.action_mask[0, :2].copy()
+            batch, _ = drive.step()
+            np.testing.assert_array_equal(batch.action_mask, wanted)
+        assert not wanted.all()
+
+
 def convoy(speed, steps, followers=None):
     """Yield gaps and speeds of four vehicles in a row, the leader last."""
     followers = followers or IdmDriver()
