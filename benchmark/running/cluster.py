@@ -36,8 +36,15 @@ def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None
         runtime_env: What Ray brings to the machines of the cluster; see `shipped_code`.
 
     Raises:
-        ResultsError: There is no cluster at the address, Ray does not start, or there is too little.
+        ResultsError: There is no cluster at the address, Ray does not start, or there is too little; or an
+            address is given in a process in which Ray runs already.
     """
+    if resources.address is not None and ray.is_initialized():
+        raise ResultsError(
+            f"{resources.address!r} has no effect: Ray runs in this process already",
+            place=PLACE,
+            remedy="leave the address out, or let Ray be started by it: no ray.init before",
+        )
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     address = OWN if resources.address is None else _address_of(resources.address)
     try:

@@ -48,6 +48,12 @@ def test_an_address_where_nobody_listens(listener, monkeypatch):
     assert "no Ray cluster at 'auto'" in said
 
 
+def test_an_address_beside_a_ray_that_runs(monkeypatch):
+    monkeypatch.setattr(ray, "is_initialized", lambda: True)
+    with raises(ResultsError, "resources.address", values=["'auto' has no effect"]):
+        start_ray(Resources(address="auto"))
+
+
 def test_a_ray_that_does_not_start(tmp_path, monkeypatch):
     file = tmp_path / "file"
     file.touch()
