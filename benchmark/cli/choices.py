@@ -18,7 +18,7 @@ def check_effect(place: str, options: Mapping[str, object], remedy: str = "leave
     Raises:
         SmartsError: One is given; names all of them.
     """
-    given = [name for name, value in options.items() if value is not None and value not in (False, [], ())]
+    given = [name for name, value in options.items() if value not in (None, [], ()) and value is not False]
     if given:
         verb = "have" if len(given) > 1 else "has"
         raise SmartsError(f"{', '.join(given)} {verb} no effect on {place}", remedy=remedy)

@@ -153,7 +153,7 @@ def test_a_film_that_cannot_be_written_leaves_nothing(episode, tmp_path, monkeyp
     [
         (("--out", "film.webm"), ".webm"),
         (("--out", "a.png", "--at", "99"), "99"),
-        (("--out", "a.gif", "--at", "1"), "--at"),
+        (("--out", "a.gif", "--at", "0"), "--at"),
     ],
 )
 def test_invalid_arguments_raise(episode, tmp_path, monkeypatch, arguments, value):
