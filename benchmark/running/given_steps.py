@@ -121,13 +121,21 @@ def fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
     for leaf, row in rows.items():
         part: Any = seen
         full = leaf or "observation"
-        if isinstance(seen, Mapping):
-            for key in [full] if full in seen else full.split("/"):
-                part = part.get(key, {})
-        if np.shape(part) != row.shape:
+        try:
+            if isinstance(seen, Mapping):
+                for key in [full] if full in seen else full.split("/"):
+                    part = part[key]
+            array = np.asarray(part)
+        except (KeyError, IndexError, TypeError, ValueError) as error:
             raise ActionError(
-                f"{full!r} of {name!r} has the shape {np.shape(part)}, not {row.shape}",
+                f"the observation of {name!r} has no array {full!r}",
+                place="Policy.act",
+                remedy="use the observation of the training",
+            ) from error
+        if array.shape != row.shape:
+            raise ActionError(
+                f"{full!r} of {name!r} has the shape {array.shape}, not {row.shape}",
                 place="Policy.act",
                 remedy="use the number of agents and the observation of the training",
             )
-        row[...] = part
+        row[...] = array

@@ -20,6 +20,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.evaluating import evaluate_checkpoint
+from benchmark.running.given_steps import fill
 from benchmark.running.testing import ENGINE, EVALUATION_SEED, play_test
 from benchmark.running.training import _play, algorithm_of, checkpoint_files, restore
 from smarts.agents.benchmark import benchmark_interface
@@ -204,6 +205,9 @@ def test_what_is_no_observation_is_named(make):
         policy.act({"agent-0": np.zeros(201), "agent-7": np.zeros(201)})
     with raises(ActionError, "Policy.act", values=[(3,), (201,)]):
         policy.act({"agent-0": np.zeros(3, np.float32)})
+    for seen in ({"goal": np.zeros(2)}, {"goal": {}}, {"goal/x": [[1.0], [1.0, 2.0]]}):
+        with raises(ActionError, "Policy.act", values=["no array 'goal/x'", "agent-0"]):
+            fill("agent-0", seen, {"goal/x": np.zeros(())})
     whole = {"agent-0": np.zeros(201, np.float32)}
     with raises(ActionError, "Policy.act", values=["action_mask", "agent-0"]):
         policy.act(whole, {})
