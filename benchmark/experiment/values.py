@@ -34,7 +34,9 @@ SEVERAL = Field(min_length=1, strict=False)
 
 def _name(text: str) -> str:
     if not NAME.fullmatch(text):
-        raise UnfitError(f"{text!r} cannot name a folder", "use letters, digits, '.', '_' and '-'")
+        letters = "use letters, digits, '.', '_' and '-'"
+        remedy = "give {name: ..., scenarios: [...]}" if glob.has_magic(text) else letters
+        raise UnfitError(f"{text!r} cannot name a folder", remedy)
     return text
 
 
@@ -62,8 +64,8 @@ def _metric(name: str) -> str:
 def _scenario(name: str, info: ValidationInfo) -> str:
     if info.context == KEPT:
         return name
-    folder = name.partition("@")[0]
-    if not folder or (folder not in suite() and not Path(folder).exists()):
+    folder, _, variation = name.partition("@")
+    if not folder or glob.has_magic(variation) or (folder not in suite() and not Path(folder).exists()):
         raise UnfitError(
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
@@ -82,7 +84,7 @@ def _matched(given: Any) -> Any:
     try:
         return [name for each in names for name in (matching(each) if each in patterns else [each])]
     except SmartsError as error:
-        raise UnfitError(f"{error.place}: {error.problem}", error.remedy) from error
+        raise UnfitError(": ".join(filter(None, (error.place, error.problem))), error.remedy) from error
 
 
 def distinct(values: Iterable[Any]) -> Any:
