@@ -54,6 +54,8 @@ class TestCondition(Section):
     """As in `train`."""
     traffic: str | None = None
     """Name of their traffic variation; null: that of the training."""
+    seen: bool = False
+    """Whether they may be of the training or the validation; the report marks the name by "(seen)"."""
 
 
 def _shares(given: Any) -> Any:
@@ -99,7 +101,8 @@ class TrainingTask(Section):
     """What validations play, as `train`; by default what is trained on."""
     test: Conditions = ()
     """What tests play: names, or {name: ..., scenarios: [...], traffic: ...}, each of them
-    `evaluation.episodes` episodes on maps that are in no training; by default what is trained on."""
+    `evaluation.episodes` episodes on maps that are in no training, unless it has `seen: true`; by default
+    what is trained on."""
     train_traffic: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Traffic variations that each episode of a training draws one of; by default that of the run, on which
     validations and tests are."""

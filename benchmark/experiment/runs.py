@@ -69,11 +69,15 @@ class TaskSetting:
     def test_content(self) -> dict[str, Any]:
         """Return what a test of the task setting consists of, as it is kept with its results."""
         evaluation = self.evaluation
+        # `seen` only where it is set: results from before it stay comparable.
+        test = [
+            each.model_dump(mode="json", exclude=None if each.seen else {"seen"}) for each in self.task.test
+        ]
         content: dict[str, Any] = {
             "episodes": evaluation.episodes,
             "modes": list(evaluation.modes),
             "held_out_episodes": evaluation.held_out_episodes,
-            **({"test": [each.model_dump(mode="json") for each in self.task.test]} if self.task.test else {}),
+            **({"test": test} if test else {}),
         }
         if self.metrics is None:
             return content

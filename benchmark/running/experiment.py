@@ -133,20 +133,26 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def check_unseen(task: TrainingTask) -> None:
-    """Raise if the map of a test is one of the training's or of the validations', by whatever name.
+    """Raise if a map of tests or validations is in the training, or one of tests in validations, by any name.
+
+    Conditions that are marked as `seen` may play all maps.
 
     Raises:
-        SmartsError: The first such test; the error names both.
+        SmartsError: The first such map; the error names both scenarios.
     """
-    known = {_net_of(name): name for name in (*task.validated_on, *task.trained_on)}
-    for condition in task.test:
-        for name in condition.scenarios:
-            if seen := known.get(_net_of(name)):
+    trained = {_net_of(name): name for name in task.trained_on}
+    known = {_net_of(name): name for name in task.validated_on} | trained
+    unseen = [(f"the test {each.name!r}", each.scenarios, known) for each in task.test if not each.seen]
+    if task.validation:
+        unseen.append(("the validation", tuple(task.validated_on), trained))
+    for what, names, others in unseen:
+        for name in names:
+            if seen := others.get(_net_of(name)):
                 use = "training" if seen in task.trained_on else "validation"
                 raise SmartsError(
-                    f"the test {condition.name!r} plays {name!r}, whose map is in {use} as {seen!r}",
+                    f"{what} plays {name!r}, whose map is in {use} as {seen!r}",
                     place=f"task {task.name!r}",
-                    remedy="leave it out of one of the two",
+                    remedy="leave it out of one of the two, or mark a test's condition by seen: true",
                 )
 
 

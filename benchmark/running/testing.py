@@ -56,7 +56,7 @@ class Part:
     split: str = "train"
     """"train", as all conditions of a test are, or "held_out"."""
     condition: str = ""
-    """Name of the condition, if the task gives its tests any."""
+    """Name of the condition, if the task gives its tests any, perhaps with "(seen)" behind it."""
     traffic: str | None = None
     """Traffic variation of the condition; None: that of the training."""
 
@@ -65,7 +65,7 @@ class Part:
         """Name of the part's folder."""
         names = [*self.scenarios]
         many = f"{len(names)}-scenarios" if len(names) > MOST_NAMED else "-".join(Path(x).name for x in names)
-        return f"{self.mode}-{self.condition or many}"
+        return f"{self.mode}-{self.condition.partition(' ')[0] or many}"
 
 
 def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part]:
@@ -74,7 +74,8 @@ def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part
     for mode in modes:
         for each in task_setting.task.test:
             scenarios = dict.fromkeys(each.scenarios, 1.0)
-            yield Part(mode, scenarios, evaluation.episodes, condition=each.name, traffic=each.traffic)
+            label = f"{each.name} (seen)" if each.seen else each.name
+            yield Part(mode, scenarios, evaluation.episodes, condition=label, traffic=each.traffic)
         if not task_setting.task.test:
             yield Part(mode, task_setting.task.trained_on, evaluation.episodes)
     for scenario in held_out_of(task_setting):

@@ -71,7 +71,7 @@ tasks:
   validation: [city]
   test:
   - roundabout
-  - {name: empty, scenarios: [overtaking, u_turn], traffic: no_social_vehicles}
+  - {name: empty, scenarios: [overtaking, u_turn], traffic: no_social_vehicles, seen: true}
 """
 
 
@@ -86,6 +86,7 @@ def test_a_task_has_lists_for_training_validation_and_test(write):
     assert again.task_setting.task.trained_on == task.trained_on
     assert again.content() == run.content()
     parts = [*parts_of(run.task_setting, ("greedy", "sampled"))]
+    assert [part.condition for part in parts[:2]] == ["roundabout", "empty (seen)"]
     assert [(part.name, [*part.scenarios], part.traffic) for part in parts[:2]] == [
         ("greedy-roundabout", ["roundabout"], None),
         ("greedy-empty", ["overtaking", "u_turn"], "no_social_vehicles"),
@@ -103,6 +104,17 @@ def test_a_test_on_a_map_of_the_training_is_refused(write, tested):
     with raises(SmartsError, "task 'mine'", values=[tested, "'intersection'", "training"]):
         check_unseen(task)
     check_unseen(task.model_copy(update={"test": task.test[:1]}))
+    (seen,) = read_experiment(
+        write(text.replace(f"'{tested}'", f"{{name: a, scenarios: ['{tested}'], seen: true}}"))
+    ).tasks
+    check_unseen(seen)
+
+
+def test_a_validation_on_a_map_of_the_training_is_refused(write):
+    text = "tasks: [{name: mine, train: [loop, city], validation: [loop]}]\nscripted: [parked]"
+    (task,) = read_experiment(write(text)).tasks
+    with raises(SmartsError, "task 'mine'", values=["the validation plays 'loop'", "training"]):
+        check_unseen(task)
 
 
 CELLS = """
