@@ -15,7 +15,7 @@ from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.env.dict_env import DictEnv, DictEnvApi
 from smarts.env.groups import context_of
 from smarts.env.rendering import RENDER_MODES, RenderMode
-from smarts.env.settings import ALL, EnvSettings, SimulationOptions
+from smarts.env.settings import ALL, EnvSettings, SimulationOptions, check_keywords
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 
@@ -62,6 +62,7 @@ class HiWayEnv(DictEnvApi, gym.Env):
         **options: Unpack[SimulationOptions],
     ) -> None:
         agents = agent_interfaces if agent_specs is None else agent_specs
+        check_keywords(HiWayEnv, options, SimulationOptions)
         if not isinstance(agents, Mapping) or None not in (agent_specs, agent_interfaces):
             raise InterfaceError(
                 f"the agents are {agents!r}, of agent_specs or agent_interfaces",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
@@ -26,6 +27,7 @@ from smarts.agents.social import (
 )
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
+from smarts.errors import nearest_names
 from smarts.observations.action_mask import MASK
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
@@ -66,6 +68,22 @@ class EnvOptions(SimulationOptions, total=False):
     adapter: Adapter | None
     adapter_options: Mapping[str, Any] | None
     action_mask: bool
+
+
+NO_RENDERING = (
+    "record episodes with simulation=Options(record=FOLDER), and draw them with smarts-bench render"
+)
+
+
+def check_keywords(environment: type, options: SimulationOptions, known: type = EnvOptions) -> None:
+    """Raise an `InterfaceError` for the first of an environment's keywords that is not among the known."""
+    names = {*inspect.signature(environment).parameters, *known.__annotations__} - {"options"}
+    for name in options.keys() - names:
+        raise InterfaceError(
+            f"there is no keyword {name!r}",
+            place=environment.__name__,
+            remedy=NO_RENDERING if name == "render_mode" else nearest_names(name, names),
+        )
 
 
 @checked

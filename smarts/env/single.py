@@ -12,7 +12,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.dict_env import DictEnv, DictEnvApi
 from smarts.env.rendering import RENDER_MODES, RenderMode
-from smarts.env.settings import EnvOptions, EnvSettings
+from smarts.env.settings import EnvOptions, EnvSettings, check_keywords
 from smarts.errors import ActionError, ScenarioError
 from smarts.types.events import Outcome
 
@@ -46,6 +46,7 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
         render_mode: RenderMode | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
+        check_keywords(SingleHiWayEnv, options)
         agents = 1 if agent is None else {AGENT: agent}
         settings = EnvSettings(scenarios, agents, 1, **options)
         self._env = DictEnv(settings, render_mode=render_mode)

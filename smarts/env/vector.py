@@ -14,7 +14,7 @@ from smarts.env.actions import Own, arrays_of
 from smarts.env.grouped_runner import make_runner
 from smarts.env.groups import ALONE, AgentGroup, box_of, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, Transition
-from smarts.env.settings import Agents, EnvOptions, EnvSettings
+from smarts.env.settings import Agents, EnvOptions, EnvSettings, check_keywords
 from smarts.env.vector_step import Block, Final, Ints, Spaces, VectorStep
 from smarts.errors import TrafficError
 from smarts.types.episode import EpisodeStart
@@ -49,6 +49,7 @@ class VectorHiWayEnv(NotCopied):
         agents: Agents = 4,
         **options: Unpack[EnvOptions],
     ) -> None:
+        check_keywords(VectorHiWayEnv, options)
         settings = EnvSettings(scenarios, agents, num_envs, **options)
         for name, spec in settings.specs().items():
             if spec.own_adapters:

@@ -40,15 +40,17 @@ def test_settings(bad, kind, place, value):
     ("make", "keyword", "said"),
     [
         (lambda **options: SingleHiWayEnv(["loop"], **options), "trafic", "'traffic'"),
-        (lambda **options: HiWayEnv(["loop"], {"a": LANER}, **options), "sed", "'seed'"),
-        (lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options), "render_mode", "'render_mode'"),
+        (lambda **options: SingleHiWayEnv(["loop"], **options), "agents", "'agent'"),
+        (lambda **options: HiWayEnv(["loop"], {"a": LANER}, **options), "headles", "'headless'"),
+        (lambda **options: HiWayEnv(["loop"], {"a": LANER}, **options), "reward", "'reward'"),
+        (lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options), "render_mode", "smarts-bench render"),
         (lambda **options: RLlibHiWayEnv({"scenarios": ["loop"], **options}), "agent_spec", "'agents'"),
         (lambda **options: RLlibHiWayEnv(options), "agents", "scenarios is missing"),
-        (lambda **options: SingleHiWayEnv(["loop"], **options), "num_envs", "num_envs has its value"),
+        (lambda **options: SingleHiWayEnv(["loop"], **options), "num_envs", "'num_envs'"),
     ],
 )
 def test_keywords_that_an_environment_does_not_have(make, keyword, said):
-    with raises(InterfaceError, "EnvSettings", values=[said]):
+    with raises(InterfaceError, values=[said]):
         make(**{keyword: 1})
 
 
