@@ -127,7 +127,7 @@ class AgentInterface:
     signals: Signals | bool = False
     occlusion_map: OcclusionMap | bool = False
     """Needs an occupancy grid of the same size."""
-    custom_renders: tuple[()] = ()
+    custom_renders: tuple[Any, ...] = ()
     """Has to be empty: there are no shaders here."""
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How the vehicle moves: as a rigid body on tyres, or as a cheaper single-track model (not in the
@@ -153,6 +153,12 @@ class AgentInterface:
                 f"there is no vehicle class {self.vehicle_class!r}",
                 place="AgentInterface.vehicle_class",
                 remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
+            )
+        if self.custom_renders:
+            raise InterfaceError(
+                "custom_renders need OpenGL, which is not used here",
+                place="AgentInterface",
+                remedy="draw from drivable_area_grid_map, occupancy_grid_map and top_down_rgb instead",
             )
         self._check_occlusion()
 

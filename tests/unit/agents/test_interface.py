@@ -80,6 +80,7 @@ def test_old_names_are_understood():
         ({"max_episode_steps": 1.5}, "max_episode_steps is 1.5"),
         ({"max_steps": 5}, "no field 'max_steps'\n  remedy: did you mean 'max_episode_steps'"),
         ({"occlusion_map": OcclusionMap(64, 32), "ogm": OGM(32, 64)}, "same size"),
+        ({"custom_renders": ("shader",)}, "top_down_rgb"),
     ],
 )
 def test_what_is_wrong_is_said(wrong, said):
