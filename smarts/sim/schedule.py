@@ -205,14 +205,15 @@ class Schedule:
         """
         seed = self.seed if seed is None else seed
         chosen = self.combination(world, episode, seed)
-        built, plan = chosen.built, chosen.plan
+        built = chosen.built
         generator = stream(seed, Purpose.STARTS, world=world, episode=episode)
         shapes = self._shapes[: len(self._egos)]
-        missions = plan.missions_of(len(self._egos), generator)
-        egos = draw_starts(built, missions, self._egos, shapes, generator)
+        plan = chosen.plan.dealt(len(self._egos), generator)
+        egos = draw_starts(built, plan.missions, self._egos, shapes, generator)
         # Of its own: social agents change nothing of the egos.
         generator = stream(seed, Purpose.SOCIAL, world=world, episode=episode)
-        others = draw_social_starts(built, self._roles(chosen), egos, self._cast.policies, generator)
+        roles = roles_of(plan, self._cast, built.name)
+        others = draw_social_starts(built, roles, egos, self._cast.policies, generator)
         return EpisodeStart(
             seed=seed,
             world=world,
@@ -235,7 +236,7 @@ class Schedule:
         for each in () if cars else self.combinations:
             generator = stream(self.seed, Purpose.STARTS, world=0, episode=0)
             shapes = self._shapes[: len(self._egos)]
-            built, missions = each.built, each.plan.missions_of(len(self._egos), generator)
+            built, missions = each.built, each.plan.dealt(len(self._egos), generator).missions
             place_agents(built, missions, shapes, generator, built.scenario.start_variation, built.name)
 
     def _roles(self, chosen: Combination) -> tuple[Role, ...]:

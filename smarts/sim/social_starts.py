@@ -71,8 +71,8 @@ def _missions(plan: EpisodePlan) -> Iterator[t.AnyMission]:
 
 
 def _are_random(plan: EpisodePlan) -> bool:
-    drawn = (isinstance(each, t.Mission) and isinstance(each.route, t.RandomRoute) for each in plan.missions)
-    return not plan.spare and all(drawn)
+    are_so = (isinstance(each, t.Mission) and isinstance(each.route, t.RandomRoute) for each in plan.missions)
+    return plan.drawn is None and not plan.spare and all(are_so)
 
 
 def _dealt(plan: EpisodePlan, cast: Cast, place: str) -> list[int]:

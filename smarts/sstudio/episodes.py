@@ -34,24 +34,26 @@ class EpisodePlan:
     traffic: str | None
     """The variation of the traffic; None where the scenario has none."""
     missions: tuple[t.AnyMission, ...]
-    """One mission for each ego; none where they are drawn."""
+    """One mission for each ego; where they are drawn, none until `dealt` draws a set."""
     spare: tuple[t.AnyMission, ...] = ()
-    """The missions that the egos leave, beginning behind theirs; none where egos have random routes."""
+    """The missions that the egos leave, beginning behind theirs; none where egos have random routes. Where
+    missions are drawn, those of the first set until `dealt` draws one."""
     social: tuple[SocialRole, ...] = ()
     drawn: t.DrawnMission | None = None
     """What the egos' missions are drawn from."""
 
-    def missions_of(self, egos: int, generator: Generator) -> tuple[t.AnyMission, ...]:
-        """Return the mission of each ego; those that are drawn are in a random order.
+    def dealt(self, egos: int, generator: Generator) -> EpisodePlan:
+        """Return the plan with the missions of one set, if they are drawn; the egos' are in a random order.
 
         Args:
             egos: How many egos there are.
             generator: Draws a set and the order.
         """
         if self.drawn is None:
-            return self.missions
+            return self
         chosen = missions_of_set(self.drawn, int(generator.integers(len(self.drawn.sets))))
-        return tuple(chosen[place] for place in generator.permutation(egos).tolist())
+        missions = tuple(chosen[place] for place in generator.permutation(egos).tolist())
+        return replace(self, missions=missions, spare=tuple(chosen[egos:]))
 
 
 def drawn_mission(described: EgoMissions) -> t.DrawnMission | None:
@@ -94,7 +96,7 @@ def episode_plans(
     Where groups of social agents take turns, each of these comes with every turn. With as many missions as
     egos there is one set. With fewer egos, sets of that many follow each other through the missions, round to
     the first if need be, until each mission has been in one. Without missions, every ego gets a random route.
-    Missions that are drawn are one set, which `EpisodePlan.missions_of` draws.
+    Missions that are drawn are one set, which `EpisodePlan.dealt` draws.
 
     Args:
         scenario: The scenario.
@@ -107,7 +109,7 @@ def episode_plans(
     """
     missions, drawn = expand(scenario.ego_missions or ()), drawn_mission(scenario.ego_missions or ())
     sets = mission_sets(scenario.ego_missions or (), egos, place)
-    left = 0 if drawn else max(0, len(missions) - egos)
+    left = max(0, len(missions) - egos)
     spares = [
         tuple(missions[((first + 1) * egos + rank) % len(missions)] for rank in range(left))
         for first in range(len(sets))

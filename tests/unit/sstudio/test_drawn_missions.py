@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 import shapely
 
+from smarts.agents.options import InterfaceError
+from smarts.agents.social import ALL_MISSIONS, Cast, SocialPolicy
+from smarts.agents.spec import AgentSpec
 from smarts.errors import ScenarioError
 from smarts.sim.schedule import Schedule
+from smarts.sim.social_starts import roles_of
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.drawn_missions import find_ways, meetings, with_sets
-from smarts.sstudio.episodes import EpisodePlan, drawn_mission
+from smarts.sstudio.episodes import EpisodePlan, drawn_mission, episode_plans
 from smarts.types.streams import Purpose, stream
 from tests.maps import crossing, straight
 from tests.raising import raises
@@ -136,14 +140,15 @@ def test_an_episode_deals_one_set_in_any_order():
     plan, whole = EpisodePlan(None, (), drawn=drawn), {*map(tuple, drawn.sets)}
     orders = set()
     for seed in range(300):
-        dealt = plan.missions_of(4, stream(seed, Purpose.STARTS))
+        dealt = plan.dealt(4, stream(seed, Purpose.STARTS)).missions
         pairs = [pair_of(drawn, each) for each in dealt]
         fitting = [each for each in whole if sorted(each) == sorted(pairs)]
         assert fitting
         orders.add(tuple(fitting[0].index(pair) for pair in pairs))
         first = EpisodePlan(None, (), drawn=replace(drawn, sets=drawn.sets[:1]))
-        of_two = [pair_of(drawn, each) for each in first.missions_of(2, stream(seed, Purpose.STARTS))]
-        assert sorted(of_two) == sorted(drawn.sets[0][:2])
+        of_two = first.dealt(2, stream(seed, Purpose.STARTS))
+        assert sorted(pair_of(drawn, each) for each in of_two.missions) == sorted(drawn.sets[0][:2])
+        assert [pair_of(drawn, each) for each in of_two.spare] == [*drawn.sets[0][2:]]
     assert len(orders) == 24
 
 
@@ -158,6 +163,18 @@ def test_an_episode_deals_one_set_in_any_order():
 def test_what_the_map_cannot_give_is_refused(given, roads):
     with raises(ScenarioError, "here"):
         filled(at_the_crossing(**given), roads)
+
+
+def test_social_agents_take_the_missions_that_the_egos_leave_of_the_set():
+    drawn, _ = filled(at_the_crossing(), crossing())
+    cast = Cast((SocialPolicy("agent", "zoo:agent-v0", AgentSpec(), 0),), extra=((0, ALL_MISSIONS),))
+    (plan,) = episode_plans(t.Scenario(ego_missions=[drawn]), 2)
+    assert len(roles_of(plan, cast, "here")) == 2
+    dealt = plan.dealt(2, stream(5, Purpose.STARTS))
+    assert tuple(role.mission for role in roles_of(dealt, cast, "here")) == dealt.spare != plan.spare
+    (plan,) = episode_plans(t.Scenario(ego_missions=[drawn]), 4)
+    with raises(InterfaceError, "here", values=["0 missions"]):
+        roles_of(plan, replace(cast, extra=((0, 2),)), "here")
 
 
 BODY = """ego_missions=[t.DrawnMission(
@@ -187,6 +204,11 @@ def test_the_build_draws_the_sets_and_says_so(scenario_folder, tmp_path):
     [
         BODY.replace("60) for", '"random") for'),
         f"{BODY[:-1]}, t.Mission(south_north)]",
+        BODY.replace(",\n)]", ", length=100)]"),
+        BODY.replace(",\n)]", ", length=(250, 80))]"),
+        BODY.replace(",\n)]", ", distinct='no')]"),
+        BODY.replace(",\n)]", ", count=2.5)]"),
+        "ego_missions=[t.DrawnMission([], [('to_west', 0, 60)])]",
     ],
 )
 def test_scenarios_that_cannot_draw_are_refused(body, scenario_folder):
