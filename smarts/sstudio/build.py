@@ -43,6 +43,8 @@ __all__ = ["build_described", "build_scenario", "matching", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
+PLAIN_KINDS = ("nod", "edg", "con", "typ", "tll")
+"""The kinds of SUMO's plain XML that make up a map."""
 PACKAGE = Path(__file__).resolve().parents[1]
 CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "whole_files.py")
 CODE += ("types", "geometry", "roads", "sstudio")
@@ -106,7 +108,7 @@ def read_scenario(path: str | Path) -> Scenario:
     if built is not None:
         return built.scenario
     described = _describe(location, None).scenario
-    with _map_source(location.directory, described.map_spec):
+    with _map_source(location, described.map_spec):
         return described
 
 
@@ -171,20 +173,29 @@ def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScen
 
 def _build(location: Location, description: Description, inputs: str | None = None) -> BuiltScenario:
     """Build a scenario found by its inputs; without any it was handed over by hand, and is remembered."""
-    with _map_source(location.directory, description.scenario.map_spec) as source:
+    with _map_source(location, description.scenario.map_spec) as source:
         return _build_on(source, location, description, inputs)
 
 
 @contextmanager
-def _map_source(directory: Path, spec: MapSpec | None) -> Iterator[MapSource]:
+def _map_source(location: Location, spec: MapSpec | None) -> Iterator[MapSource]:
     """Provide the files of a scenario's map: its own ones, or its texts in a temporary folder."""
     if spec is None or spec.plain is None:
-        yield find_map_source(directory, spec and spec.source)
+        yield find_map_source(location.directory, spec and spec.source)
         return
+    checks = Checks(_place(location))
     with tempfile.TemporaryDirectory() as folder:
         for kind, text in spec.plain.items():
+            checks.choice(kind, PLAIN_KINDS, "map_spec.plain")
             Path(folder, f"{MAP_STEM}.{kind}.xml").write_text(text, encoding="utf-8")
-        yield find_map_source(Path(folder))
+        try:
+            yield find_map_source(Path(folder))
+        except MapError as error:
+            if not error.place.startswith(folder):
+                raise
+            # The user has the texts, not the files.
+            problem = error.problem.replace(f"{folder}/", "")
+            raise MapError(problem, place=checks.at("map_spec.plain"), remedy=error.remedy) from error
 
 
 def _build_on(

@@ -104,11 +104,19 @@ class _Validation(TrafficChecks, BubbleChecks):
             missions == 1, where, "it is not the only mission", "leave out the others, or give count"
         )
         for name in ("starts", "goals"):
-            for number, place in enumerate(getattr(mission, name)):
-                at = f"{where}.{name}[{number}]"
+            places = self.each(getattr(mission, name), (list, tuple), f"{where}.{name}")
+            self.require(bool(places), f"{where}.{name}", "it is empty", "give at least one")
+            for at, place in places:
                 open_lane_of(self.roads, place, self.at(at), BUSES)
                 self.require(place[2] != RANDOM_OFFSET, at, "its offset is random", "use an offset [m]")
         self.numbers(mission, where, "count", least=1)
+        self.type(mission.count, int, f"{where}.count")
+        self.type(mission.distinct, bool, f"{where}.distinct")
+        at, length = f"{where}.length", mission.length
+        is_pair = isinstance(length, list | tuple) and len(length) == 2
+        self.require(is_pair, at, f"{shown(length)} is no pair", "give the least and the largest [m]")
+        self.number(length[0], at)
+        self.number(length[1], at, least=length[0])
         self.numbers(mission, where, "arrivals")
         self.number(mission.conflicts, f"{where}.conflicts", most=1.0)
 

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from smarts.errors import ScenarioError
+from smarts.errors import MapError, ScenarioError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_described, build_scenario, matching
@@ -61,6 +61,18 @@ def test_maps_of_a_family_are_variations_that_differ(tmp_path):
     (tmp_path / "roads" / "scenario.py").write_text(ROADS.replace('"test": 2', '"test": 3'))
     with raises(ScenarioError, values=["test-02 equals earlier ones"]):
         build_scenario(f"{family}@test-02")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "kind", "said"),
+    [
+        ({"nodes": "<nodes/>"}, ScenarioError, "'nod'"),
+        ({"nod": "<nodes/>", "edg": '<edges><edge id="road" from="a" to="b"/></edges>'}, MapError, "'a'"),
+    ],
+)
+def test_what_is_wrong_with_the_texts_of_a_map_is_said_of_the_scenario(kinds, kind, said, tmp_path):
+    with raises(kind, "map_spec.plain", values=[tmp_path, said]):
+        build_described(tmp_path, t.Scenario(map_spec=t.MapSpec(plain=kinds)))
 
 
 @pytest.mark.parametrize("family", FAMILIES)
