@@ -1,9 +1,10 @@
 """Runs nightly tests, pages and examples, prints output: `python -m tests.nightly > results/nightly.txt`.
 
 Of pages with nightly blocks all blocks run; examples are those in `examples/nightly/`. Each page and each
-example runs in its own process.
+example runs in its own process. `make test` runs with the other Pythons that the machine has.
 """
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from tests.blocks import ROOT, Page, blocks_of
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
 TESTS = [sys.executable, "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal", "-m", "nightly"]
 EXAMPLES = sorted((ROOT / "examples" / "nightly").glob("*.py"))
+PYTHONS = ("python3.12", "python3.13")
 
 
 def run_page(page: Path) -> bool:
@@ -45,12 +47,19 @@ def main() -> int:
     )
     print(f"# make nightly, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, commit {commit.stdout.strip()}")
     pages = [page for page in PAGES if any(block.note.startswith("nightly") for block in blocks_of(page))]
-    commands = {page: [sys.executable, "-m", "tests.nightly", str(page)] for page in pages}
-    commands |= {example: [sys.executable, str(example)] for example in EXAMPLES}
+    commands = {
+        str(page.relative_to(ROOT)): [sys.executable, "-m", "tests.nightly", str(page)] for page in pages
+    }
+    commands |= {str(example.relative_to(ROOT)): [sys.executable, str(example)] for example in EXAMPLES}
+    commands |= {
+        f"make test PYTHON={name}": ["make", "test", f"PYTHON={name}", f"VENV=.venv-{name}"]
+        for name in PYTHONS
+        if shutil.which(name) and subprocess.run([name, "-c", ""], check=False).returncode == 0
+    }
     print("\n## Tests marked `nightly`\n", flush=True)
     failed = subprocess.run(TESTS, cwd=ROOT, stdout=sys.stdout, check=False).returncode != 0
-    for file, command in commands.items():
-        print(f"\n## {file.relative_to(ROOT)}\n", flush=True)
+    for title, command in commands.items():
+        print(f"\n## {title}\n", flush=True)
         failed += subprocess.run(command, cwd=ROOT, stdout=sys.stdout, check=False).returncode != 0
     print(f"\n{len(commands) + 1} run, {failed} failed")
     return failed > 0
