@@ -13,14 +13,17 @@ from rich.live import Live
 from rich.text import Text
 
 from benchmark.experiment.models import Budget
-from benchmark.experiment.runs import Run
+from benchmark.experiment.runs import SCRIPTED, Run
 from benchmark.results.plurals import counted
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
 from benchmark.running.messages import STARTING, WAITING
+from benchmark.running.testing import parts_of
 
 if TYPE_CHECKING:
-    from benchmark.running.jobs import JobState
+    from benchmark.running.jobs import Job, JobState
 
+STEPS, EPISODES = 2500.0, 2.5
+"""Agent-steps and test episodes a second of which a plan is made: those of two cores of a server."""
 TRAINED = 0.9
 """Share of a training in its job; the rest is its test."""
 MOST_ROWS = 12
@@ -94,7 +97,7 @@ class LiveProgress:
         self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
     def _total(self, states: Sequence[JobState]) -> str:
-        """Return in a line how far all jobs are, and when they will end if they go on as so far."""
+        """Return a line with the number of finished jobs and the estimated end, at the speed so far."""
         finished, done = sum(state.status == FINISHED for state in states), share_done(states)
         took = time.monotonic() - self._began
         text = f"{finished} of {len(states)} runs finished after {took / 60:.0f} min"
@@ -148,7 +151,7 @@ def share_done(states: Sequence[JobState]) -> float:
 
 
 def plan(states: Sequence[JobState], at_once: int) -> str:
-    """Return in a line what is to be done."""
+    """Return in a line what is to be done, and when it will end on a usual machine."""
     waiting = [state for state in states if state.status != FINISHED]
     tasks = {str(state.job.task_setting) for state in waiting}
     runs = [state.job for state in waiting if isinstance(state.job, Run)]
@@ -157,9 +160,28 @@ def plan(states: Sequence[JobState], at_once: int) -> str:
         f"{counted(len(runs), 'training')} in {counted(len(tasks), 'task')}",
         *dict.fromkeys(_words(run.budget) for run in runs),
         *([counted(scripted, "test") + " of scripted policies"] if scripted else []),
+        counted(sum(_test_episodes(state.job) for state in waiting), "test episode"),
         f"{min(at_once, len(waiting))} at a time",
     ]
-    return f"plan: {', '.join(parts)}"
+    took = [_usual_seconds(state.job) for state in waiting]
+    return f"plan: {', '.join(parts)}; {ends(max(sum(took) / max(at_once, 1), *took))}"
+
+
+def _test_episodes(job: Job) -> int:
+    """Return the number of a job's test episodes."""
+    modes = job.task_setting.evaluation.modes if isinstance(job, Run) else (SCRIPTED,)
+    return sum(part.episodes for part in parts_of(job.task_setting, modes))
+
+
+def _usual_seconds(job: Job) -> float:
+    """Return how long a job takes on a usual machine [s]."""
+    seconds, episodes = 0.0, _test_episodes(job)
+    if isinstance(job, Run):
+        minutes = job.budget.minutes or math.inf
+        seconds = min(job.budget.most_steps / STEPS, 60 * minutes)
+        evaluation = job.task_setting.evaluation
+        episodes += evaluation.validations * evaluation.validation_episodes
+    return seconds + episodes / EPISODES
 
 
 def _words(budget: Budget) -> str:

@@ -101,7 +101,7 @@ def road_map(arms: list[Arm], lengths: list[float], width: float, speed: float, 
         ):
             drawn.road(f"{arm.name}_{part}", ends, arm.lanes, speed, priority=priority)
         for other, angle, lanes in turns_of(arm, arms):
-            # Who turns left waits at the stop line: SUMO's drivers run into vehicles that wait in the middle.
+            # Left turns wait at the stop line: SUMO's drivers hit vehicles that wait in the junction.
             waits = {"contPos": "0"} if angle > STRAIGHT_ON else {}
             for pair in lanes:
                 drawn.link(f"{arm.name}_in", f"{other.name}_out", pair, **waits)

@@ -93,7 +93,7 @@ def test_qmixs_target_asks_the_target_mixer(monkeypatch):
 
 @pytest.mark.parametrize("double", [True, False])
 def test_networked_qs_loss(double, monkeypatch):
-    """By enumeration of the joint actions of those who are there."""
+    """The loss equals that of an enumeration of the active agents' joint actions."""
     rig = Rig("networked_q", Ragged, sharing="all", consensus=False, double=double, **REPLAY)
     unlike_targets(rig)
     batch, net, found = replayed(rig, 60, epsilon=1.0), rig.learner.net("shared"), {}

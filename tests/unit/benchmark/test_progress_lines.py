@@ -6,8 +6,8 @@ import time
 import pytest
 from rich.console import Console
 
-from benchmark.experiment.models import Budget, Resources
-from benchmark.experiment.runs import Run
+from benchmark.experiment.models import Budget, Evaluation, Experiment, Resources
+from benchmark.experiment.runs import Run, runs_of
 from benchmark.running import live
 from benchmark.running.jobs import JobState
 from benchmark.running.live import LiveProgress, share_done
@@ -53,8 +53,26 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert total.startswith("0 of 1 runs finished after 0 min; ends about ")
 
 
+def test_a_plan_counts_test_episodes_and_says_when_all_will_end():
+    """On a usual machine two minutes of training and one of 150 test episodes, twice one after the other."""
+    experiment = Experiment(
+        name="own",
+        algorithms=["ppo"],  # pyright: ignore
+        tasks=["loop"],  # pyright: ignore
+        traffic=["no_social_vehicles"],  # pyright: ignore
+        seeds=[1, 2],  # pyright: ignore
+        budget=Budget(agent_steps=300_000),
+        evaluation=Evaluation(episodes=150, modes=("greedy",), validations=0, held_out_episodes=0),
+        scripted=[],  # pyright: ignore
+    )
+    text = live.plan([JobState(run) for run in runs_of(experiment)], 1)
+    wanted = "plan: 2 trainings in 1 task, each of 300,000 agent-steps, 300 test episodes, 1 at a time; ends"
+    assert text.startswith(wanted)
+    assert text.endswith(", in 6 min")
+
+
 def test_the_time_left_follows_what_is_done_since_the_beginning(monkeypatch):
-    """Of three jobs one was finished; two half trainings, 0.9 of a run each, took a minute."""
+    """One of three jobs was finished before; two others have done half of their training in a minute."""
     runs = [Run("ppo", NAME, seed, {}, Budget(), Resources()) for seed in (1, 2, 3)]  # type: ignore[arg-type]
     states = [JobState(run) for run in runs]
     states[0].status = "finished"

@@ -25,7 +25,7 @@ from .sources import scenario
 
 ARMS = ("west", "south", "east", "north")
 HALF_WIDTH = 1.6
-"""Of its lanes [m]."""
+"""Width of its lanes [m]."""
 
 
 def at_the_crossing(**given):
