@@ -67,11 +67,11 @@ def test_the_plan_names_the_budget_of_each_task(tmp_path):
     )
     base = read_experiment(tmp_path / "base.yaml")
     begin = "plan: 4 trainings in 2 tasks, each of 9,000 agent-steps or 2 minutes, each of 3,000 agent-steps"
-    assert plan_of(base).startswith(f"{begin} or 2 minutes, 2 at a time")
+    assert plan_of(base).startswith(f"{begin} or 2 minutes, 8 test episodes, 2 at a time; ends about ")
     (tmp_path / "copy.yaml").write_text("extends: base.yaml\nbudget: {agent_steps: 400}\nby_task: {}\n")
     copy = read_experiment(tmp_path / "copy.yaml")
     assert copy.by_task == {}
-    assert "each of 400 agent-steps or 2 minutes, 2 at a time" in plan_of(copy)
+    assert "each of 400 agent-steps or 2 minutes, 8 test episodes, 2 at a time" in plan_of(copy)
 
 
 def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
