@@ -87,6 +87,7 @@ class Built:
                 self._add_yields(number, root)
             flows, routes, places = self._rows["flows"], len(self.routes), {}
             first = len(flows)
+            self._route_numbers.clear()  # a scenario's routes follow each other, also those that others have
             for file in (*files.additional, *files.routes):
                 try:
                     self._read(number, file, is_ballistic(files, self._dt), places)

@@ -164,6 +164,20 @@ def test_none_passes_another_in_its_lane_and_none_is_lost(name):
         assert began + departed == arrived + len(before)
 
 
+def test_vehicles_of_each_traffic_of_a_map_take_their_own_routes():
+    case = Case(build_scenario("intersections@train-00"), Native)
+    traffics = "random_social_vehicles", "dense"
+    case.reset(**{f"row_{row}": case.start(row, traffic=name) for row, name in enumerate(traffics)})
+    case.step(100)
+    for row in range(2):
+        slots = case.owned(row)
+        assert len(slots) > 5
+        for slot in slots:
+            lane, route = case.vehicles.lane[row, slot], int(case.vehicles.route[row, slot])
+            edge = int(case.roads.lane_edge[lane])
+            assert case.roads.is_internal[lane] or edge in case.world.routes.edges(row, route)
+
+
 TRACE = """
 import hashlib
 from smarts.sim.traffic_run import traffic_run
