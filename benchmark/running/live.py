@@ -35,6 +35,8 @@ SECONDS = 30.0
 OUTCOMES = ("return", "completion", "collision")
 TOTAL_SECONDS = 60.0
 """Time between two lines about all jobs if the output is no terminal [s]."""
+ENOUGH = 0.02
+"""Share of all jobs that has to be done before an end is estimated: starting and compiling are slow."""
 SILENCE = 300.0
 """Time without a message of a job that trains or is tested, after which a line says so [s]."""
 
@@ -102,7 +104,7 @@ class LiveProgress:
         took = time.monotonic() - self._began
         text = f"{finished} of {len(states)} runs finished after {took / 60:.0f} min"
         gained = done - (done if self._first is None else self._first)
-        return f"{text}; {ends(took * (1 - done) / gained)}" if gained > 0 else text
+        return f"{text}; {ends(took * (1 - done) / gained)}" if gained > ENOUGH else text
 
     def _lines(self, states: Sequence[JobState]) -> Iterator[str]:
         """Yield what a terminal shows: a line about all jobs, then one for each that is not finished."""

@@ -79,6 +79,8 @@ def test_the_time_left_follows_what_is_done_since_the_beginning(monkeypatch):
     shown, now = LiveProgress(Console(file=io.StringIO())), time.monotonic()
     shown.show(states)
     assert shown._total(states).endswith("runs finished after 0 min")
+    states[1].status, states[1].progress = "training", RunProgress("training", 0.01)
+    assert shown._total(states).endswith("runs finished after 0 min")  # too early to say
     for state in states[1:]:
         state.status, state.progress = "training", RunProgress("training", 0.5)
     assert share_done(states) == pytest.approx((1 + 0.45 + 0.45) / 3)
