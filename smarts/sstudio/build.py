@@ -13,7 +13,8 @@ import json
 import logging
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -39,7 +40,7 @@ from smarts.sstudio.sstypes.scenario import Scenario, Variation
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.types.streams import check_seed
 
-__all__ = ["build_described", "build_scenario", "matching", "suite"]
+__all__ = ["build_described", "build_scenario", "build_scenarios", "matching", "read_scenario", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
@@ -80,25 +81,61 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         return built
 
 
+def build_scenarios(
+    names: Iterable[str], show: Callable[[int, int], object] = lambda built, count: None
+) -> None:
+    """Build the scenarios that are not built yet, as many side by side as there are processors.
+
+    Args:
+        names: Scenarios, as `build_scenario` takes them.
+        show: Called after each with how many are built by now, and how many were to be built.
+
+    Raises:
+        SmartsError: As `build_scenario` does, of the first that fails; those that have not begun are left.
+    """
+    missing = [name for name in dict.fromkeys(names) if not _is_built(name)]
+    # Those of one folder wait for each other.
+    missing.sort(key=lambda name: name.partition(VARIATION_MARK)[2])
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        # Threads are enough: programs that are started do most of the work.
+        for number, each in enumerate(as_completed([pool.submit(build_scenario, name) for name in missing])):
+            each.result()
+            show(number + 1, len(missing))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _is_built(name: str) -> bool:
+    location = locate(name)
+    return _find_built(location, _fingerprint_inputs(location, None)) is not None
+
+
 def matching(pattern: str) -> list[str]:
     """Return the scenarios that a pattern stands for: "maps/train-*", "*_v1", "intersection@three_*".
 
-    These are scenarios of the suite, or else folders; behind an "@", held-out variations of a scenario, which
-    is built. Any other name stands for itself, as does a pattern that fits nothing.
+    These are scenarios of the suite, or else folders; behind an "@", held-out variations of a scenario. Any
+    other name stands for itself, as does a pattern that fits nothing. Nothing is built.
 
     Raises:
-        SmartsError: A scenario whose variations are asked for cannot be built.
+        SmartsError: A scenario whose variations are asked for cannot be read.
     """
     base, mark, variation = pattern.partition(VARIATION_MARK)
     if mark and glob.has_magic(variation):
-        found = [f"{base}{mark}{each}" for each in fnmatch.filter(build_scenario(base).held_out, variation)]
+        location = locate(base)
+        built = _find_built(location, _fingerprint_inputs(location, None))
+        known = built.held_out if built else _read(location).held_out or ()
+        found = [f"{base}{mark}{each}" for each in fnmatch.filter(known, variation)]
     else:
         found = fnmatch.filter(suite(), pattern) or sorted(glob.glob(pattern))
     return found if found and glob.has_magic(pattern) else [pattern]
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """Return a scenario without building it; its file runs only if there is no build of it.
+    """Return a scenario without building it; its file runs only if there is no build of it, once for all.
+
+    Of a family, whose maps are alike in what an experiment asks for, any map is the first one until it is
+    built.
 
     Raises:
         SmartsError: As `build_scenario` does for what is found without building.
@@ -107,9 +144,26 @@ def read_scenario(path: str | Path) -> Scenario:
     built = _find_built(location, _fingerprint_inputs(location, None))
     if built is not None:
         return built.scenario
-    described = _describe(location, None).scenario
-    with _map_source(location, described.map_spec):
-        return described
+    whole = _read(replace(location, variation=None))
+    scenario = whole if location.variation is None else replace(whole, **_changes(location, whole))
+    with _map_source(location, scenario.map_spec):
+        return scenario
+
+
+def _read(location: Location) -> Scenario:
+    """Return what a scenario's file describes; it runs again when it or a file that it reads has changed."""
+    place = location, _fingerprint_inputs(location, None)
+    scenario, files = _scenarios_read.get(place, (None, {}))
+    if scenario is None or files != _hashes(location.directory, files):
+        description = _describe(location, None)
+        files = _hashes(location.directory, map(os.fspath, description.files))
+        scenario = description.scenario
+        _scenarios_read[place] = scenario, files
+    return scenario
+
+
+_scenarios_read: dict[tuple[Location, str], tuple[Scenario, dict[str, Any]]] = {}
+"""What was read in this process, and the hashes of the files that it was read from."""
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -240,14 +294,9 @@ def _describe(location: Location, seed: int | None) -> Description:
     description = replace(description, scenario=scenario)
     if location.variation is None or description.is_wanted:
         return description if seed is None else _seeded(description, seed)
-    held_out = scenario.held_out or {}
-    if location.variation not in held_out:
-        raise ScenarioError(
-            f"there is no held-out variation {location.variation!r}",
-            place=_place(location),
-            remedy=nearest_names(location.variation, held_out) if held_out else "it has none: leave out @...",
-        )
-    varied = _varied(description, held_out[location.variation])
+    changed = replace(scenario, **_changes(location, scenario))
+    own_seed = (scenario.held_out or {})[location.variation].seed
+    varied = replace(description, scenario=changed, seed=description.seed if own_seed is None else own_seed)
     return varied if seed is None else _seeded(varied, seed)
 
 
@@ -278,12 +327,21 @@ def _described_base(location: Location, seed: int) -> Description:
     return Description(Scenario(), seed)
 
 
-def _varied(description: Description, variation: Variation) -> Description:
-    parts = {name: getattr(variation, name) for name in ("map_spec", "traffic", "ego_missions")}
-    changes = {name: part for name, part in parts.items() if part is not None}
-    scenario = replace(description.scenario, held_out=None, **changes)
-    seed = description.seed if variation.seed is None else variation.seed
-    return replace(description, scenario=scenario, seed=seed)
+def _changes(location: Location, scenario: Scenario) -> dict[str, Any]:
+    """Return the parts of a scenario that its variation replaces.
+
+    Raises:
+        ScenarioError: There is no such variation.
+    """
+    name, held_out = str(location.variation), scenario.held_out or {}
+    if name not in held_out:
+        raise ScenarioError(
+            f"there is no held-out variation {name!r}",
+            place=_place(location),
+            remedy=nearest_names(name, held_out) if held_out else "it has none: leave out @...",
+        )
+    parts = {part: getattr(held_out[name], part) for part in ("map_spec", "traffic", "ego_missions")}
+    return {"held_out": None, **{part: given for part, given in parts.items() if given is not None}}
 
 
 def _portable(scenario: Scenario, location: Location) -> Scenario:

@@ -40,7 +40,7 @@ class BuiltScenario:
     @cached_property
     def scenario(self) -> Scenario:
         """The scenario, read from the artefacts."""
-        return decode(_load_json(self.directory / SCENARIO))
+        return _load_scenario(self.directory / SCENARIO)
 
     @property
     def net_file(self) -> Path:
@@ -122,6 +122,12 @@ class BuiltScenario:
 
 def _load_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
+
+
+@lru_cache(maxsize=1024)
+def _load_scenario(file: Path) -> Scenario:
+    """Read a scenario, or return one that was read before: an experiment asks often, of hundreds."""
+    return decode(_load_json(file))
 
 
 _load_roads = lru_cache(maxsize=64)(LaneGraph.load)

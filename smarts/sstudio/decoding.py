@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from smarts.sstudio import sstypes
@@ -56,10 +58,16 @@ def _decode_enum(data: dict[str, Json]) -> Any:
     return kind[value] if isinstance(value, str) else kind(value)
 
 
+@lru_cache(maxsize=1024)
+def _decode_key(text: str) -> Any:
+    """Return an object from its JSON; equal ones share one in memory, as the drivers of all flows do."""
+    return decode(json.loads(text))
+
+
 _DECODERS: dict[str, Callable[[dict[str, Json]], Any]] = {
     TYPE: _decode_object,
     ENUM: _decode_enum,
-    PAIRS: lambda data: {decode(key): decode(item) for key, item in data[PAIRS]},
+    PAIRS: lambda data: {_decode_key(json.dumps(key)): decode(item) for key, item in data[PAIRS]},
     MEMBERS: lambda data: frozenset(decode(item) for item in data[MEMBERS]),
     CALLABLE: lambda data: CallableReference(data[CALLABLE]),
     NUMBER: lambda data: float(data[NUMBER]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import yaml
@@ -98,6 +99,7 @@ def resolved(name: str) -> str:
     return f"{found.directory / (found.map_file or '')}{mark}"
 
 
+@cache
 def suite() -> dict[str, str]:
     """Return the scenarios that come with the package: name and one line each."""
     return yaml.safe_load((SUITE / "suite.yaml").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ import pytest
 from smarts.errors import MapError, ScenarioError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_described, build_scenario, matching
+from smarts.sstudio.build import build_described, build_scenario, build_scenarios, matching, read_scenario
 from smarts.sstudio.collecting import collecting
 from smarts.sstudio.locating import SUITE
 from tests.raising import raises
@@ -52,6 +52,12 @@ def test_maps_of_a_family_are_variations_that_differ(tmp_path):
     family = str(tmp_path / "roads")
     names = matching(f"{family}@train-*") + matching(f"{family}@test-*")
     assert [name.partition("@")[2] for name in names] == ["train-00", "test-00", "test-01"]
+    assert read_scenario(names[1]).map_spec.plain is not None
+    assert not (tmp_path / "roads" / "build").exists()
+    told = []
+    build_scenarios([*names, names[0]], lambda *counts: told.append(counts))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    build_scenarios(names, pytest.fail)
     built = [build_scenario(name) for name in names]
     assert {round(each.roads().length.max()) for each in built} == {100, 101, 102}
     assert [each.directory for each in built] == [build_scenario(name).directory for name in names]
