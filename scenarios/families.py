@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from scenarios.drivers import ALL_KINDS, KINDS, Drivers
+from scenarios.drivers import ALL_KINDS, Drivers, inattentive_car
 from smarts.sstudio import types as t
 
 Point = tuple[float, float]
@@ -83,12 +83,16 @@ def along(place: Point, heading: float, distance: float) -> Point:
     return place[0] + distance * math.cos(heading), place[1] + distance * math.sin(heading)
 
 
-def from_none_to_dense(social: Callable[[float, Drivers], dict[str, t.Traffic]]) -> dict[str, t.Traffic]:
+def from_none_to_dense(
+    social: Callable[[float, Drivers], dict[str, t.Traffic]], inattentive: t.TrafficActor = inattentive_car
+) -> dict[str, t.Traffic]:
     """Return the traffic variations of a map.
 
     Args:
         social: Takes a multiple of the usual rate and the drivers, and returns traffic as `drivers.traffic`.
+        inattentive: The family's inattentive drivers.
     """
-    sparse, dense = (social(DENSITIES[name], ALL_KINDS)[FULL] for name in ("sparse", "dense"))
-    inattentive = social(1.0, KINDS["inattentive"])[FULL]
-    return {**social(1.0, ALL_KINDS), "sparse": sparse, "inattentive": inattentive, "dense": dense}
+    drivers = {inattentive if each is inattentive_car else each: share for each, share in ALL_KINDS.items()}
+    sparse, dense = (social(DENSITIES[name], drivers)[FULL] for name in ("sparse", "dense"))
+    alone = social(1.0, {inattentive: 1.0})[FULL]
+    return {**social(1.0, drivers), "sparse": sparse, "inattentive": alone, "dense": dense}

@@ -43,7 +43,7 @@ class Leg(NamedTuple):
     last: int
     """Lane on which it ends; another one of the road after lane changes."""
     reached: float
-    """Time from the start at the limits [s]."""
+    """Time at which it is reached, driven at the limits [s]."""
     left: float
     """[s]"""
 
@@ -53,9 +53,9 @@ class Way:
     """A way from a start to a goal."""
 
     start: int
-    """Number among the starts."""
+    """Number among the starts, -1 for none of them."""
     goal: int
-    """Number among the goals."""
+    """Number among the goals, -1 for none of them."""
     legs: tuple[Leg, ...]
     length: float
     """[m]"""
@@ -103,9 +103,31 @@ def find_ways(drawn: t.DrawnMission, roads: LaneGraph, where: str) -> Iterator[W
                 edges = route_edges(roads, route, where, vehicle_length=CAR_LENGTH)
             except ScenarioError:
                 continue
-            path = _lanes_of(roads, [roads.edge_number(edge) for edge in edges], begin, end)
-            if path:
-                yield Way(start, goal, *_timed(roads, path, begin.s, end.s))
+            numbers = [roads.edge_number(edge) for edge in edges]
+            if way := way_between(roads, numbers, begin, end):
+                yield replace(way, start=start, goal=goal)
+
+
+def way_between(
+    roads: LaneGraph,
+    edges: Sequence[int],
+    begin: LanePoint,
+    end: LanePoint,
+    change_length: float = CHANGE_LENGTH,
+    entry: float = 0.0,
+) -> Way | None:
+    """Return the way of fewest lane changes along a route, None if the roads have no room for them.
+
+    Args:
+        roads: The map.
+        edges: Numbers of the route's roads.
+        begin: Where it starts.
+        end: Its goal.
+        change_length: Length of road that a lane change takes [m].
+        entry: When the agent starts [s].
+    """
+    path = _lanes_of(roads, edges, begin, end, change_length)
+    return Way(-1, -1, *_timed(roads, path, begin.s, end.s, entry)) if path else None
 
 
 def _points(
@@ -127,7 +149,9 @@ Path = tuple[tuple[int, int], ...]
 """Lanes on which the parts of a way begin and end."""
 
 
-def _lanes_of(roads: LaneGraph, edges: Sequence[int], begin: LanePoint, end: LanePoint) -> Path:
+def _lanes_of(
+    roads: LaneGraph, edges: Sequence[int], begin: LanePoint, end: LanePoint, change_length: float
+) -> Path:
     """Return the path of fewest lane changes over a route, empty if the roads have no room for them."""
     paths: dict[int, Path] = {begin.lane: ()}
     for number, edge in enumerate(edges):
@@ -136,7 +160,7 @@ def _lanes_of(roads: LaneGraph, edges: Sequence[int], begin: LanePoint, end: Lan
             first = begin.s if number == 0 else 0.0
             room = (end.s if number == len(edges) - 1 else float(roads.length[lane])) - first
             for other in roads.edge_lanes(edge):
-                if roads.kind[other] in CARS and abs(other - lane) * CHANGE_LENGTH <= room:
+                if roads.kind[other] in CARS and abs(other - lane) * change_length <= room:
                     _keep_best(left, other, (*path, (lane, other)))
         if number == len(edges) - 1:
             return left.get(end.lane, ())
@@ -170,7 +194,9 @@ def _through(roads: LaneGraph, lane: int, following: int) -> Iterator[tuple[tupl
             yield inside, current
 
 
-def _timed(roads: LaneGraph, path: Path, begin: float, end: float) -> tuple[tuple[Leg, ...], float]:
+def _timed(
+    roads: LaneGraph, path: Path, begin: float, end: float, time: float
+) -> tuple[tuple[Leg, ...], float]:
     """Return a path with its times, and its length [m].
 
     Args:
@@ -178,8 +204,9 @@ def _timed(roads: LaneGraph, path: Path, begin: float, end: float) -> tuple[tupl
         path: The path.
         begin: Arc length of the start on the first lane [m].
         end: Arc length of the goal on the last lane [m].
+        time: When the agent starts [s].
     """
-    legs, length, time = [], 0.0, 0.0
+    legs, length = [], 0.0
     for number, (lane, last) in enumerate(path):
         until = end if number == len(path) - 1 else float(roads.length[lane])
         span = until - (begin if number == 0 else 0.0)
