@@ -2,12 +2,12 @@
 
     python results/freeze_version.py 1 configs/benchmark_v1.yaml --tuned results/tune_v1
 
-Writes digests of its scenarios, and of the code of observations, rewards and metrics, its settings of the
-environment, the budgets and sharing of its trainings, digests of their settings, and how many trials have
-found these into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while
-something differs, except for budgets and sharing, which tell protocols apart, and settings and tuning, by
-which reports say how a run's settings were found. A version that is there is frozen again with `--replace`
-only.
+Writes digests of its scenarios, of its tasks' lists, and of the code of observations, rewards and metrics,
+its settings of the environment, the budgets and sharing of its trainings, digests of their settings, and
+how many trials have found these into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1`
+are refused while something differs, except for budgets and sharing, which tell protocols apart, and
+settings and tuning, by which reports say how a run's settings were found. A version that is there is frozen
+again with `--replace` only.
 """
 
 from __future__ import annotations
@@ -93,7 +93,9 @@ def main() -> None:
         training = training_of(experiment)
         if given.tuned is not None:
             training[TUNING] = tuning_of(given.tuned)
-        text = frozen_text(given.version, played, environment, training=training, replaces=given.replace)
+        tasks = {each.name: each.lists for each in experiment.tasks if each.names != [each.name]}
+        parts = {"training": training, "tasks": tasks}
+        text = frozen_text(given.version, played, environment, **parts, replaces=given.replace)
     except SmartsError as error:
         parser.exit(1, f"error: {error}\n")
     FILE.write_text(text)

@@ -21,7 +21,7 @@ from benchmark.metrics import METRICS
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND
 from benchmark.results.files import write_versioned
-from benchmark.results.reading import LABELS, PLACE, PROGRESS, RUNS, read_results
+from benchmark.results.reading import LABELS, MEETS, PLACE, PROGRESS, RUNS, read_results
 from benchmark.results.release import RATES
 from benchmark.results.robustness import CONDITION, PARTNER, ROBUSTNESS, plays_of
 from benchmark.results.run_folder import TABLE
@@ -58,7 +58,7 @@ def compact(table: pd.DataFrame) -> pd.DataFrame:
     """Return agent-episodes without what no report needs."""
     rates = {name for rate in (*RATES, "generalization") for name in METRICS[rate].needs}
     needed = {name for metric in METRICS.values() for name in metric.needs}
-    labels = LABELS | {"outcome", PARTNER, CONDITION, PLACE}
+    labels = LABELS | {"outcome", PARTNER, CONDITION, MEETS, PLACE}
     found = table[[name for name in table if name in needed | labels]].copy()
     fine = [name for name in fine_columns(found) if name not in LABELS]
     fraction, exponent = np.frexp(found[fine].to_numpy(float))

@@ -37,7 +37,7 @@ def counted(root: Path) -> dict[tuple[str, str, str, str], Counter]:
         if not is_finished(file.parent):
             continue
         for row in pq.read_table(file, columns=list(COLUMNS)).to_pylist():
-            if row["split"] == "train" and not row["is_invalid"] and row["agents"] > 0:
+            if row["split"] != "held_out" and not row["is_invalid"] and row["agents"] > 0:
                 key = row["algorithm"], row["task"], row["task_traffic"], row["mode"]
                 found.setdefault(key, Counter())[row["outcome"]] += 1
     return found

@@ -110,7 +110,8 @@ def evaluate(
     scenario: Annotated[
         list[str] | None,
         typer.Option(
-            help="Scenario, or SCENARIO@VARIATION. Repeatable.", show_default="those of the training"
+            help="Scenario, or SCENARIO@VARIATION. Repeatable.",
+            show_default="the conditions of the run's test",
         ),
     ] = None,
     traffic: Annotated[
@@ -119,7 +120,9 @@ def evaluate(
     engine: Annotated[
         str | None, typer.Option(help="Traffic engine.", show_default="SUMO, or that of the training's tests")
     ] = None,
-    episodes: Annotated[int, typer.Option(help="Number of episodes for each mode.", min=1)] = 50,
+    episodes: Annotated[
+        int, typer.Option(help="Number of episodes for each mode and condition.", min=1)
+    ] = 50,
     mode: Annotated[
         list[Mode] | None, typer.Option(help="Action selection. Repeatable.", show_default="both")
     ] = None,
@@ -180,14 +183,16 @@ def evaluate(
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
     """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove.
 
-    Of several scenarios there is a row for each, too.
+    Of several conditions, or scenarios, there is a row for each, too, and one for the agents in it whose ways
+    meet others', and for the others.
     """
     from benchmark.metrics import METRICS, compute
+    from benchmark.report.tables import meeting_shares, meets
+    from benchmark.results.reading import played_in
     from benchmark.running.testing import ENGINE
 
-    table = table.assign(played=_played(table))
-    found, by_scenario = compute(table, ["mode"]), compute(table, ["mode", "played"], RATES)
-    for name, group in found.groupby("mode"):
+    table = table.assign(played=played_in(table))
+    for name, group in compute(table, ["mode"]).groupby("mode"):
         rows = group.to_dict("records")
         places = [*table.loc[table["mode"] == name, "played"].unique()]
         traffic = ", ".join(table.loc[table["mode"] == name, "traffic"].unique())
@@ -198,19 +203,24 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
             label = f"{row['metric']} [{unit}]" if unit else row["metric"]
             typer.echo(f"  {label:<27} {_value(row)} {row['note']}".rstrip())
         for place in places if len(places) > 1 else ():
-            own = (by_scenario["mode"] == name) & (by_scenario["played"] == place)
-            rates = by_scenario.loc[own].to_dict("records")
-            shown = (f"{rate['metric']} {_value(rate).strip()}, {rate['n']} agent-episodes" for rate in rates)
-            typer.echo(f"  {place}: {'; '.join(shown)}")
+            own: pd.DataFrame = table.loc[(table["mode"] == name) & (table["played"] == place)]
+            typer.echo(f"  {place}: {_rates(own)}")
+            if shares := meeting_shares(own):
+                typer.echo(f"    agents, and episodes, with ways that meet within 5 s: {shares}")
+            for which, words in ((1, "agents that meet"), (0, "others")):
+                if len(part := own.loc[meets(own) == which]):
+                    typer.echo(f"    {words}: {_rates(part)}")
+
+
+def _rates(table: pd.DataFrame) -> str:
+    """Return completion and collision rate in words."""
+    from benchmark.metrics import compute
+
+    rates = compute(table, [], RATES).to_dict("records")
+    return "; ".join(f"{x['metric']} {_value(x).strip()}, {x['n']} agent-episodes" for x in rates)
 
 
 def _value(row: Mapping[Hashable, Any]) -> str:
     interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
     value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
     return f"{value:>8}  {interval:<18}"
-
-
-def _played(table: pd.DataFrame) -> pd.Series:
-    """Return the scenario of each row, with its variation."""
-    variation = table["variation"].where(table["variation"] == "", "@" + table["variation"])
-    return table["scenario"].str.cat(variation)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
+from functools import cache
 from itertools import chain, product
 from typing import Any
 
@@ -59,6 +60,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
     yield from _loggers(experiment)
     yield from _settings(experiment, algorithms)
     yield from _search(experiment, algorithms)
+    yield from _contrasts(experiment)
     yield from _actions(experiment, algorithms)
     yield from check_environment(experiment)
 
@@ -218,6 +220,17 @@ def _search(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
         if not parameters.keys() & {*known}:
             text = f"{algorithm!r} has none of the settings"
             yield Fault(("tune", "parameters"), text, "give one that it has, or leave it out")
+
+
+def _contrasts(experiment: Experiment) -> Iterator[Fault]:
+    """Yield conditions that no test has."""
+    known = [each.name for task in experiment.tasks for each in task.test]
+    for number, name in enumerate(experiment.contrasts.conditions if experiment.contrasts else ()):
+        if name not in known:
+            remedy = (
+                nearest_names(name, known) if known else "give a task a list `test`, or leave contrasts out"
+            )
+            yield Fault(("contrasts", "conditions", number), f"no test has the condition {name!r}", remedy)
 
 
 def _unfit_choices(algorithm: str, name: str, given: Any, environment: Environment) -> Iterator[Fault]:
@@ -402,10 +415,10 @@ def _scenarios(experiment: Experiment) -> Iterator[Fault]:
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
     from smarts.sstudio.episodes import check_egos, check_without_handovers
 
-    environment = experiment.environment
+    environment, read = experiment.environment, cache(read_scenario)
     for key, name, traffic in _places(experiment):
         try:
-            scenario = read_scenario(name)
+            scenario = read(name)
             if environment.traffic_step is not None:
                 check_without_handovers(scenario, name)
         except SmartsError as error:

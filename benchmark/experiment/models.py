@@ -18,9 +18,11 @@ from benchmark.experiment.values import (
     Gpus,
     Imports,
     Loggers,
+    Metric,
     Metrics,
     Modes,
     Names,
+    Pair,
     Policies,
     Positive,
     Scenarios,
@@ -126,10 +128,19 @@ class TrainingTask(Section):
         return _weights(self.validation) or self.trained_on
 
     @property
+    def lists(self) -> dict[str, Any]:
+        """What it plays, as a version of the benchmark freezes it."""
+        return self.model_dump(mode="json", exclude={"name", "start_from"})
+
+    @property
+    def tested_on(self) -> list[str]:
+        """Scenarios of tests, each once."""
+        return [*dict.fromkeys(name for each in self.test for name in each.scenarios)] or [*self.trained_on]
+
+    @property
     def names(self) -> list[str]:
         """All scenarios of the task, each once."""
-        tested = [name for each in self.test for name in each.scenarios]
-        return [*dict.fromkeys([*self.trained_on, *self.validated_on, *tested])]
+        return [*dict.fromkeys([*self.trained_on, *self.validated_on, *self.tested_on])]
 
 
 def _weights(shares: Sequence[ScenarioShare]) -> dict[str, float]:
@@ -228,6 +239,17 @@ class Tune(Section):
     """What is to be large in validation; "safety" is 1 - collisions."""
 
 
+class Contrasts(Section):
+    """Comparisons that are fixed before training: their p-values are corrected for their number alone."""
+
+    pairs: Annotated[tuple[Pair, ...], Field(strict=False, min_length=1)]
+    """[first, second]: two algorithms, of which the second is subtracted."""
+    metric: Metric = "completion_rate"
+    """What is compared: of each training seed, its mean over the conditions."""
+    conditions: Names
+    """Names of conditions of tests."""
+
+
 class TaskOverrides(Section):
     """What differs in the trainings of a task, or of a task with one traffic; the rest is as elsewhere."""
 
@@ -275,6 +297,8 @@ class Experiment(Section):
     """What shows the lines of progress.csv as they come: tensorboard, wandb, mlflow, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
+    contrasts: Contrasts | None = None
+    """What the report compares by training seeds, whatever else it shows."""
     by_task: dict[str, TaskOverrides] = Field(default_factory=dict)
     """TASK or TASK/TRAFFIC -> what differs in the trainings there. TASK/TRAFFIC overrides TASK, and values of
     one algorithm override those of all, wherever they stand."""

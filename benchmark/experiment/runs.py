@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
@@ -30,6 +30,8 @@ VERSION = "benchmark_version"
 WEIGHTS, TRAIN_TRAFFIC, VALIDATION = "weights", "train_traffic", "validation"
 """Keys of a run's content: weight of each of its scenarios; traffic of the training; scenarios of validations
 -> weight. Absent where the task gives no such list."""
+TESTED, TEST = "tested", "test"
+"""Key of run.json: content of its test; and in that, the conditions that the task gives its tests."""
 START = "start_from"
 """Key of a run's content: folder of the run with whose weights it begins; absent for none. Where it is known,
 `STARTED_FROM` is compared instead."""
@@ -77,7 +79,7 @@ class TaskSetting:
             "episodes": evaluation.episodes,
             "modes": list(evaluation.modes),
             "held_out_episodes": evaluation.held_out_episodes,
-            **({"test": test} if test else {}),
+            **({TEST: test} if test else {}),
         }
         if self.metrics is None:
             return content
@@ -150,8 +152,12 @@ class Run:
         }
 
 
-def run_from(content: Mapping[str, Any]) -> Run:
+def run_from(content: Mapping[str, Any], test: Sequence[Mapping[str, Any]] = ()) -> Run:
     """Return the run of a `Run.content()`, to be tested again, with default evaluation settings.
+
+    Args:
+        content: All that its training depends on.
+        test: Conditions of its test, as `TaskSetting.test_content` has them.
 
     Raises:
         ValueError: It is not such a content.
@@ -161,7 +167,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
         return Run(
             content["algorithm"],
             TaskSetting(
-                _task_of(content),
+                _task_of(content, test),
                 content["traffic"],
                 fitted(content["environment"], Environment),
                 evaluation,
@@ -178,13 +184,13 @@ def run_from(content: Mapping[str, Any]) -> Run:
         raise ValueError(f"not the content of a run: {error}") from error
 
 
-def _task_of(content: Mapping[str, Any]) -> TrainingTask:
-    """Return the task of a `Run.content()`, without the conditions of its test."""
+def _task_of(content: Mapping[str, Any], test: Sequence[Mapping[str, Any]]) -> TrainingTask:
+    """Return the task of a `Run.content()` with the conditions of its test."""
     scenarios = content["scenarios"]
     task: dict[str, Any] = {"name": name_of(scenarios[:3]), START: content.get(START)}
     task |= {"train": _entries(zip(scenarios, content[WEIGHTS], strict=True))} if WEIGHTS in content else {}
     task |= {} if WEIGHTS in content else {"scenarios": [*scenarios]}
-    task[TRAIN_TRAFFIC] = content.get(TRAIN_TRAFFIC, [])
+    task |= {TRAIN_TRAFFIC: content.get(TRAIN_TRAFFIC, []), TEST: [*test]}
     return fitted(task | {VALIDATION: _entries(content.get(VALIDATION, {}).items())}, TrainingTask)
 
 

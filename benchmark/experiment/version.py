@@ -1,8 +1,8 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
-A version freezes, by digest, the scenarios, the code that makes observations, rewards and metrics, and the
-settings of its table's algorithms; and, by value, the settings of the environment, and the budgets, sharing
-of parameters and tuning of its table's trainings.
+A version freezes, by digest, the scenarios, its tasks' lists for training and tests, the code that makes
+observations, rewards and metrics, and the settings of its table's algorithms; and, by value, the settings
+of the environment, and the budgets, sharing of parameters and tuning of its table's trainings.
 Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free. The
 simulator's own code is not frozen: results name their commit.
 """
@@ -12,7 +12,8 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,11 @@ from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError, shown
 
 FILE = Path(__file__).with_name("versions.yaml")
-"""Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
+"""Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, with one of all maps of a family's
+split, `tasks` task -> digest, `environment` setting -> value."""
 SCENARIOS, ENVIRONMENT, TRAINING, TUNING = "scenarios", "environment", "training", "tuning"
+TASKS = "tasks"
+"""Part with the digests of tasks that are more than one scenario."""
 SETTINGS = "settings"
 """Part of `TRAINING`: algorithm -> "task/traffic" -> digest of the settings of the version's table."""
 ALL = "all others"
@@ -37,6 +41,8 @@ CODE = {
     "metrics": ("benchmark/metrics", "benchmark/statistics"),
 }
 """Part -> folders of its code."""
+MAP = re.compile(r"@(\w+)-\d+")
+"""In names of maps: what says which map of a family it is."""
 LONGEST = 60
 """Characters of a setting's value that it names."""
 
@@ -104,9 +110,34 @@ def changed_scenarios(version: int, played: Played) -> list[str]:
     return [
         f"{name}, {traffic}"
         for traffic, digests in played.items()
-        for name, digest in digests.items()
+        for name, digest in _by_split(digests).items()
         if frozen.get(traffic, {}).get(name) != digest
     ]
+
+
+def _by_split(digests: Mapping[str, str]) -> dict[str, str]:
+    """Return digests with one for all maps of a family's split, as "intersections@test-*"."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(digests):
+        found.setdefault(MAP.sub(r"@\1-*", name), []).append(digests[name])
+    return {name: settings_digest({"maps": x}) if "*" in name else x[0] for name, x in found.items()}
+
+
+def changed_task(version: int, name: str, scenarios: Sequence[str], lists: Mapping[str, Any]) -> str:
+    """Return in what a task is not of a version, "" if it is; the scenarios' own digests are compared apart.
+
+    Args:
+        version: Version of the benchmark.
+        name: The task's name.
+        scenarios: All that it plays.
+        lists: Its scenarios, weights, traffic and conditions.
+    """
+    frozen = versions()[version].get(TASKS, {}).get(name)
+    if frozen is None and scenarios != [name]:
+        return f"task {name!r} plays {shown(scenarios, LONGEST)}, not the one scenario of its name"
+    if frozen is not None and frozen != settings_digest(lists):
+        return f"task {name!r}: other scenarios, weights, traffic or conditions: restore its lists"
+    return ""
 
 
 def changed_settings(version: int, environment: Environment) -> list[str]:
@@ -210,6 +241,7 @@ def frozen_text(
     environment: Environment,
     *,
     training: Mapping[str, Any] | None = None,
+    tasks: Mapping[str, Mapping[str, Any]] = {},
     replaces: bool = False,
 ) -> str:
     """Return the content of `FILE` with the present code, scenarios and settings as a version.
@@ -220,6 +252,7 @@ def frozen_text(
         environment: Its settings.
         training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, `SETTINGS`,
             and if it is known, `TUNING`; without it, nothing of trainings is prescribed.
+        tasks: Lists of the tasks that are more than one scenario, by their names.
         replaces: Whether the version may be there already.
 
     Raises:
@@ -232,8 +265,10 @@ def frozen_text(
             place=str(FILE),
             remedy=f"freeze version {max(known) + 1}, or give --replace if there are no results of it",
         )
-    scenarios = {traffic: dict(digests) for traffic, digests in played.items()}
+    scenarios = {traffic: _by_split(digests) for traffic, digests in played.items()}
     frozen = {**code_digests(), SCENARIOS: scenarios, ENVIRONMENT: environment.content()}
+    if tasks:
+        frozen[TASKS] = {name: settings_digest(lists) for name, lists in tasks.items()}
     if training is not None:
         frozen[TRAINING] = {part: dict(given) for part, given in training.items()}
     return yaml.safe_dump({**known, version: frozen})

@@ -130,7 +130,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         METRICS[name]
     pairs = _pairs(first, second)
     table = _played(first, second, pairs)
-    table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
+    table = table[(table["split"] != "held_out") & table["mode"].isin([mode, SCRIPTED])]
     found = compare(table, metrics, ["pair", *CONDITION], "side", family=())
     if not len(found):
         raise ResultsError(

@@ -51,7 +51,7 @@ def _steps(run: RunResult) -> dict[str, dict[str, Any]]:
 
 def _absolute(table: Frame, mode: str) -> dict[str, list[float]]:
     """Return the means over agents of each valid episode."""
-    kept = table[(table["mode"] == mode) & (table["split"] == "train") & ~table["is_invalid"]]
+    kept = table[(table["mode"] == mode) & (table["split"] != "held_out") & ~table["is_invalid"]]
     kept = kept[kept["agents"] > 0]
     found = {}
     for name, column in TESTED.items():

@@ -61,7 +61,7 @@ def differences(
     """
     if not len(table):
         return pd.DataFrame(columns=[*COLUMNS])
-    kept: Frame = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
+    kept: Frame = table[(table["split"] != "held_out") & table["mode"].isin([mode, SCRIPTED])]
     scripted: Any = set(kept.loc[kept["training_seed"] == SCRIPTED_SEED, column])
     return compare(kept, [*metrics], [*within], column, family=(), apart=scripted)[[*COLUMNS]]
 
@@ -169,7 +169,7 @@ def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:
         mode: Way of acting of the learning algorithms.
     """
     values: dict[tuple[str, ...], Floats] = {}
-    is_kept = (table["split"] == "train") & (table["mode"] == mode) & ~table["is_invalid"]
+    is_kept = (table["split"] != "held_out") & (table["mode"] == mode) & ~table["is_invalid"]
     kept: Frame = table[is_kept]
     for metric in found["metric"].unique():
         measure = METRICS[metric]

@@ -99,7 +99,7 @@ def summaries_of(report: Report) -> Summaries:
     """Return the summaries of a report's main mode."""
     table = report.results.table
     kept: Frame = (
-        table[(table["split"] == "train") & (table["mode"] == report.modes[0])] if len(table) else table
+        table[(table["split"] != "held_out") & (table["mode"] == report.modes[0])] if len(table) else table
     )
     found: dict[str, dict[str, Floats]] = {score: {} for score in SCORES}
     left_out = [

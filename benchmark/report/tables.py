@@ -7,15 +7,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import pandas as pd
+
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.differences import SIGNIFICANCE
+from benchmark.metrics.results import Frame
+from benchmark.metrics.table import EPISODE_KEYS
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.ranking import RANKED_BY
-from benchmark.report.values import Value, by_key, measure_conditions, p_text
+from benchmark.report.values import Key, Value, by_key, measure_conditions, p_text
 from benchmark.report.wording import left_out, pairs_notes
-from benchmark.results.reading import CONDITION
+from benchmark.results.reading import MEETS, played_in
 
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -37,6 +41,9 @@ CONDITION_COLUMNS = {
     "played": "Condition of the test, or scenario",
     "completion": "Completion rate",
     "collision": "Collision rate",
+    "meet": "Share of agent-episodes, and of episodes, with a way that meets another agent's within 5 s",
+    "those that meet": "Completion and collision rate of these agent-episodes",
+    "others": "Completion and collision rate of the others: a task without meetings is easier",
     "agent-episodes": "Of all training seeds",
     "note": "Why figures must not be averaged or compared",
 }
@@ -136,24 +143,45 @@ def generalization_rows(report: Report) -> list[list[str]]:
 def condition_rows(report: Report) -> list[list[str]]:
     """Return a row for each policy and condition of a test, or scenario, of tasks that play several."""
     rows, table = [], report.results.table
-    tested = table[table["split"] == "train"]
+    tested = table[table["split"] != "held_out"]
     for task, traffic in report.columns if len(table) else ():
         own = tested[(tested["task"] == task) & (tested["task_traffic"] == traffic)]
-        marks = own["variation"].where(own["variation"] == "", "@" + own["variation"])
-        played = own["scenario"].str.cat(marks)
-        if CONDITION in own:
-            played = own[CONDITION].fillna(played)
-        values = (
-            by_key(measure_conditions(own.assign(task=played), RANKED_BY)) if played.nunique() > 1 else {}
-        )
+        played = played_in(own)
+        if played.nunique() < 2:
+            continue
+        own = own.assign(task=played)
+        values = by_key(measure_conditions(own, RANKED_BY))
+        met = {which: by_key(measure_conditions(own[meets(own) == which], RANKED_BY)) for which in (1, 0)}
         for name, place, _, mode, metric in values:
             if metric == RANKED_BY[0]:
                 rates = [values[name, place, traffic, mode, each] for each in RANKED_BY]
                 names = [algorithm_label(name), task_label(task), traffic_label(traffic), mode, place]
                 figures = [f"{rate.text} {rate.interval}".strip() for rate in rates]
                 mark = report.marks.get((name, task, traffic), "")
-                rows.append([*names, *figures, str(rates[0].n), mark])
+                asked = own[(own["algorithm"] == name) & (own["mode"] == mode) & (own["task"] == place)]
+                apart = [_both_rates(each, (name, place, traffic, mode)) for each in met.values()]
+                rows.append([*names, *figures, meeting_shares(asked), *apart, str(rates[0].n), mark])
     return rows
+
+
+def meets(table: Frame) -> Frame:
+    """Return which agent-episodes meet another agent, NaN where that is not known."""
+    return table[MEETS] if MEETS in table else pd.Series(math.nan, table.index)
+
+
+def meeting_shares(table: Frame) -> str:
+    """Return the shares of agent-episodes, and of episodes, that meet; empty if that is not known."""
+    known = meets(table)[~table["is_invalid"]].dropna()
+    if not len(known):
+        return ""
+    keys = [table.loc[known.index, name] for name in ("training_seed", *EPISODE_KEYS)]
+    return f"{known.mean():.2f} / {known.groupby(keys).max().mean():.2f}"
+
+
+def _both_rates(values: dict[Key, Value], place: tuple[str, str, str, str]) -> str:
+    """Return completion and collision rate, empty without any."""
+    rates = [values[(*place, each)].text for each in RANKED_BY if (*place, each) in values]
+    return " / ".join(rates)
 
 
 def difference_rows(report: Report) -> list[list[str]]:

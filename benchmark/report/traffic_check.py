@@ -110,7 +110,7 @@ def _tables(results: Results) -> dict[tuple[str, str, str], Frame]:
 def _counted(run: RunResult) -> Frame:
     """Return the agent-episodes of a test that are neither invalid nor held out."""
     table: Frame = run.table
-    return table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
+    return table[(table["split"] != "held_out") & ~table["is_invalid"] & (table["agents"] > 0)]
 
 
 def _difference(social: Frame, empty: Frame) -> Difference:

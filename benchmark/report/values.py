@@ -123,7 +123,7 @@ def measure_conditions(table: Frame, metrics: Sequence[str] = (), level: float =
     if not len(table):
         return pd.DataFrame(columns=[*COLUMNS])
     by = ["algorithm", "task", "task_traffic", "mode"]
-    trained_on = table[table["split"] == "train"]
+    trained_on = table[table["split"] != "held_out"]
     wanted = metrics or [measure.name for measure in measured_in(table)]
     parts = [compute(trained_on, by, [name for name in wanted if name != GENERALIZATION], level)]
     if GENERALIZATION in wanted:

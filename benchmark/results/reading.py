@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmark.experiment.models import Experiment
+from benchmark.experiment.models import Contrasts, Experiment
 from benchmark.experiment.runs import (
     SCRIPTED,
     SCRIPTED_SEED,
@@ -73,6 +73,9 @@ LABELS = {
 """Columns that every table of a run has."""
 CONDITION = "condition"
 """Column of tables of tests with several: name of the condition in the task's `test`."""
+MEETS = "meets"
+"""Column of tables of tests: 1 for agents with a way that meets another agent's; see
+`benchmark.running.meetings`. NaN without a way to a goal; older tables lack it."""
 Names = tuple[str, str, str, int]
 """Names of a run: algorithm or policy, task, traffic, training seed."""
 TESTED_AGAIN = "remove it, and the same `run` command tests the run again if its checkpoint is there"
@@ -132,6 +135,10 @@ class Results:
     runs: tuple[RunResult, ...]
     problems: Mapping[str, str]
     """File or folder -> why it was left out."""
+    contrasts: Contrasts | None = None
+    """Of the last command."""
+    has_new_contrasts: bool = False
+    """Whether an earlier command had others, or none: then they were not fixed before training."""
 
     @cached_property
     def finished(self) -> tuple[RunResult, ...]:
@@ -200,6 +207,8 @@ def read_results(root: Path) -> Results:
         commands=commands,
         runs=tuple(runs[place] for place in sorted(runs)),
         problems=problems,
+        contrasts=last.contrasts if last else None,
+        has_new_contrasts=last is not None and any(x.contrasts != last.contrasts for x in experiments),
     )
 
 
@@ -300,6 +309,13 @@ def _no_rows() -> Frame:
     table = pd.DataFrame({name: [] for name in sorted(LABELS)})
     table.attrs[COUNTS] = {"measured": 0, "invalid": 0, "incomplete": 0, "corrupted": {}}
     return table
+
+
+def played_in(table: Frame) -> Any:
+    """Return the condition of each row of a test, or else its scenario with the variation."""
+    marks = table["variation"].where(table["variation"] == "", "@" + table["variation"])
+    played = table["scenario"].str.cat(marks)
+    return table[CONDITION].fillna(played) if CONDITION in table else played
 
 
 def names_of(folder: Path) -> Names | None:

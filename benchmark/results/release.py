@@ -199,6 +199,6 @@ def _digest_of(episode: Frame) -> str:
 
 def scores_of(table: Frame) -> dict[str, float]:
     """Return the rates of a test's episodes that are not held out, of those that can be computed."""
-    rows = table[(table["split"] == "train") & (table["mode"] == "greedy")]
+    rows = table[(table["split"] != "held_out") & (table["mode"] == "greedy")]
     found = compute(rows, metrics=RATES).to_dict("records")
     return {row["metric"]: round(float(row["value"]), 6) for row in found if np.isfinite(row["value"])}

@@ -120,7 +120,7 @@ def reference_rows(results: Results, task: str, traffic: str, name: str, seed: i
     if run is None or run.table is None:
         return None
     mode = SCRIPTED if run.is_scripted else "greedy"
-    return run.table[(run.table["split"] == "train") & (run.table["mode"] == mode)]
+    return run.table[(run.table["split"] != "held_out") & (run.table["mode"] == mode)]
 
 
 def _run_of(results: Results, task: str, traffic: str, name: str, seed: int) -> RunResult | None:

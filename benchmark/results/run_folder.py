@@ -25,6 +25,7 @@ from benchmark.experiment.runs import (
     OWN_CODE,
     START,
     STARTED_FROM,
+    TESTED,
     changed_settings,
     default_settings,
     is_larger,
@@ -130,7 +131,7 @@ class RunFolder:
         """
         if self.status != FINISHED:
             return False
-        before = self.facts().get("tested", {})
+        before = self.facts().get(TESTED, {})
         if self.has_table and _is_same_test(before, tested):
             return True
         if self.has_lost_checkpoint:

@@ -20,7 +20,7 @@ from benchmark.results.files import check_free, new_folder
 from benchmark.results.release import check_released
 from benchmark.results.run_folder import RunFolder, changes_since
 from benchmark.running.importing import named_own_code
-from benchmark.running.played import scenario_digests
+from benchmark.running.played import build_played, tested_digests
 from benchmark.running.playing_together import play_together
 from benchmark.running.policy import Policy, read_run
 from benchmark.running.testing import EVALUATION_SEED, play_parts, play_test, read_test
@@ -79,7 +79,7 @@ def evaluate_agent(
     import_own(imports)
     agent, interface = batch_agent(locator, **(options or {}))
     try:
-        task = {"name": name_of(scenarios), "scenarios": [*scenarios]}
+        task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
         driven = environment_of(agent, interface, agents, engine, f"agent {locator!r}")
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
@@ -125,7 +125,7 @@ def environment_of(
 
 
 def _setting(
-    task: Mapping[str, Any],
+    task: TrainingTask,
     traffic: str,
     given: Environment,
     episodes: int,
@@ -133,7 +133,7 @@ def _setting(
     imports: Sequence[str | Path],
 ) -> TaskSetting:
     return TaskSetting(
-        fitted(task, TrainingTask, "--scenario"),
+        task,
         traffic,
         given,
         Evaluation(episodes=episodes, keep_episodes=out is not None),
@@ -206,9 +206,9 @@ def evaluate_exported(
 
     Args:
         path: The folder that `smarts-bench export` or `release` has written.
-        scenarios: Scenarios to play, by default the training's.
-        traffic: Traffic to play, by default the training's.
-        episodes: How many.
+        scenarios: Scenarios to play, by default the conditions of its test, or what it was trained on.
+        traffic: Traffic to play, by default that of the conditions, or the training's.
+        episodes: How many of each.
         agents: Number of agents, the first ones of the training; by default all.
         engine: Traffic engine, by default that on which the training is tested.
         out: Folder for the table and the recorded episodes: new or empty.
@@ -225,13 +225,12 @@ def evaluate_exported(
     if not scenarios:
         check_suite(trained, path)
     agent = ExportedPolicy(path, TEAM)
-    task = {
-        "name": name_of(scenarios) if scenarios else trained.task,
-        "scenarios": [*(scenarios or trained.scenarios)],
-    }
+    given = {"name": trained.task, "scenarios": trained.scenarios, "test": trained.test}
+    task = asked_task(fitted(given, TrainingTask, str(path)), scenarios, traffic)
     driven = fitted(trained.environment | _changes(agents, engine), Environment, str(path))
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
     setting = _setting(task, traffic or trained.traffic, driven, episodes, out, imports)
+    build_played(task.tested_on)
     return _tested(setting, out, agent, labels, "greedy")
 
 
@@ -298,6 +297,15 @@ class _AgentDriver:
         )
 
 
+def asked_task(task: TrainingTask, scenarios: Sequence[str], traffic: str | None) -> TrainingTask:
+    """Return the task of an evaluation: the training's, with the conditions of its test, or scenarios."""
+    if scenarios:
+        return fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+    if not traffic:
+        return task
+    return task.model_copy(update={"test": tuple(x.model_copy(update={"traffic": None}) for x in task.test)})
+
+
 def evaluate_checkpoint(
     path: Path,
     *,
@@ -315,9 +323,9 @@ def evaluate_checkpoint(
 
     Args:
         path: The run's folder, which is not changed.
-        scenarios: Scenarios to play, by default the training's.
-        traffic: Traffic to play, by default the training's.
-        episodes: Number of episodes for each mode.
+        scenarios: Scenarios to play, by default the conditions of the run's test, or what is trained on.
+        traffic: Traffic to play, by default that of the conditions, or the training's.
+        episodes: Number of episodes for each mode and condition.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
         agents: Number of agents, by default the training's; networks that agents share are of any number.
@@ -335,9 +343,7 @@ def evaluate_checkpoint(
     check_free(out)  # before anything is loaded
     folder = RunFolder(path)
     trained = read_run(folder, imports)
-    task = trained.task_setting.task
-    if scenarios:
-        task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+    task = asked_task(trained.task_setting.task, scenarios, traffic)
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
     asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
     environment = trained.task_setting.environment
@@ -346,7 +352,8 @@ def evaluate_checkpoint(
     run = replace(trained, task_setting=replace(trained.task_setting, **asked))
     task_setting = run.task_setting
     is_alike = task_setting.traffic == trained.task_setting.traffic and agents is None
-    scenarios_now = scenario_digests(task_setting) if is_alike else {}
+    build_played(task.tested_on)
+    scenarios_now = tested_digests(task_setting) if is_alike else {}
     for what in changes_since(folder, trained.content(), scenarios_now):
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
     kept = folder.kept(checkpoint)

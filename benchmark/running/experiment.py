@@ -16,7 +16,7 @@ from benchmark.experiment.environment import Environment
 from benchmark.experiment.models import Experiment, TrainingTask
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import task_settings_of
-from benchmark.experiment.version import differences
+from benchmark.experiment.version import changed_task, differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.reading import Results, read_results
@@ -27,7 +27,7 @@ from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress, plan
 from benchmark.running.machine import command, commit
-from benchmark.running.played import held_out_of, scenario_digests, scenarios_by_traffic
+from benchmark.running.played import build_played, held_out_of, scenario_digests, scenarios_by_traffic
 from benchmark.running.shipping import shipped_code
 from benchmark.running.signals import handled
 from smarts.agents.hosting.options import hosts_of
@@ -112,6 +112,7 @@ def check_task_settings(experiment: Experiment) -> None:
     Raises:
         SmartsError: The first scenario that does not.
     """
+    build_played(name for task in experiment.tasks for name in task.names)
     for task_setting in task_settings_of(experiment):
         egos, task = task_setting.environment.mission_count, task_setting.task
         trained = [(name, each) for name in task.trained_on for each in task.train_traffic or (None,)]
@@ -171,11 +172,8 @@ def check_version(experiment: Experiment) -> None:
     version = experiment.benchmark_version
     if version is None:
         return
-    found = [
-        f"task {task.name!r} plays {', '.join(task.names)}, not the one scenario of its name"
-        for task in experiment.tasks
-        if task.names != [task.name]
-    ]
+    told = [changed_task(version, task.name, task.names, task.lists) for task in experiment.tasks]
+    found = [each for each in told if each]
     found += differences(version, scenarios_by_traffic(experiment), experiment.environment)
     if str(commit()).endswith("+"):
         found.append("the source tree has changes that are not committed: commit or stash them")

@@ -21,7 +21,7 @@ from algorithms.networked_q import NetworkedQModule
 from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.runs import VERSION, Run
+from benchmark.experiment.runs import TEST, VERSION, Run
 from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
@@ -178,7 +178,8 @@ def trained_content(run: Run) -> dict[str, Any]:
     setting = run.task_setting
     kept = ("scenarios", "traffic", "environment", VERSION)
     given = {name: each for name, each in setting.content().items() if name in kept}
-    return {"algorithm": run.label, "task": setting.task.name, "seed": run.seed, **given}
+    test = {TEST: conditions} if (conditions := setting.test_content().get(TEST)) else {}
+    return {"algorithm": run.label, "task": setting.task.name, "seed": run.seed, **given, **test}
 
 
 def _places(module: Any) -> int:

@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import TaskSetting, task_settings_of
-from smarts.sstudio.build import build_scenario
+from smarts.sstudio.build import build_scenario, build_scenarios
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.encoding import digest, encode
+
+SECONDS = 5.0
+"""Time between two lines about scenarios that are being built [s]."""
+
+
+def build_played(names: Iterable[str]) -> None:
+    """Build scenarios side by side, and print from time to time how many are built.
+
+    Raises:
+        SmartsError: One cannot be built.
+    """
+    said = time.monotonic()
+
+    def show(built: int, count: int) -> None:
+        nonlocal said
+        if time.monotonic() - said > SECONDS:
+            said = time.monotonic()
+            print(f"built {built} of {count} scenarios", file=sys.stderr)
+
+    build_scenarios(names, show)
 
 
 def held_out_of(task_setting: TaskSetting) -> Iterator[str]:
@@ -40,14 +62,29 @@ def scenario_digests(task_setting: TaskSetting) -> dict[str, str]:
     """
     task = task_setting.task
     names = dict.fromkeys([*task.trained_on, *task.validated_on, *held_out_of(task_setting)])
-    found = {name: digest_of(build_scenario(name), task_setting) for name in names}
-    others = [(each.scenarios, each.traffic) for each in task.test]
-    others += [(tuple(task.trained_on), traffic) for traffic in task.train_traffic]
-    for scenarios, traffic in others:
-        played = replace(task_setting, traffic=traffic or task_setting.traffic)
-        mark = "" if played.traffic == task_setting.traffic else f", {played.traffic}"
-        found |= {f"{name}{mark}": digest_of(build_scenario(name), played) for name in scenarios}
+    found = _digests(task_setting, names) | tested_digests(task_setting)
+    for traffic in task.train_traffic:
+        found |= _digests(task_setting, task.trained_on, traffic)
     return found
+
+
+def tested_digests(task_setting: TaskSetting) -> dict[str, str]:
+    """Return the digests of what a task setting's tests play, without held-out variations.
+
+    Raises:
+        SmartsError: One cannot be built or played.
+    """
+    found: dict[str, str] = {}
+    for each in task_setting.task.test:
+        found |= _digests(task_setting, each.scenarios, each.traffic)
+    return found or _digests(task_setting, task_setting.task.trained_on)
+
+
+def _digests(task_setting: TaskSetting, names: Iterable[str], traffic: str | None = None) -> dict[str, str]:
+    """Return digests by name, behind which stands traffic that is not the run's."""
+    played = replace(task_setting, traffic=traffic or task_setting.traffic)
+    mark = "" if played.traffic == task_setting.traffic else f", {played.traffic}"
+    return {f"{name}{mark}": digest_of(build_scenario(name), played) for name in names}
 
 
 def scenarios_by_traffic(experiment: Experiment) -> dict[str, dict[str, str]]:

@@ -21,7 +21,7 @@ from algorithms.joint.sampler import Sampler
 from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import SPEC, JointSpec
 from algorithms.joint.threads import torch_threads
-from benchmark.experiment.runs import Run, run_from
+from benchmark.experiment.runs import TEST, TESTED, Run, run_from
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
@@ -114,10 +114,9 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         OwnCodeError: A file or folder of own code does not exist.
     """
     try:
-        facts = folder.facts()
-        run = run_from(folder.read_config())
-        tested = (facts.get("tested") or {}).get("metrics")
-        metrics = None if tested is None else tuple(tested)
+        tested = folder.facts().get(TESTED) or {}
+        run = run_from(folder.read_config(), tested.get(TEST, ()))
+        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
         own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
         import_own(own)
         return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))

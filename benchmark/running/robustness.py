@@ -158,7 +158,7 @@ def _policies(results: Results, task: str, traffic: str, seed: int, given: Given
 
 def _tested(table: Frame) -> int:
     """Return the number of greedy episodes of a test."""
-    rows = table[(table["mode"] == "greedy") & (table["split"] == "train") & ~table["is_invalid"]]
+    rows = table[(table["mode"] == "greedy") & (table["split"] != "held_out") & ~table["is_invalid"]]
     return int(rows["world"].nunique())
 
 

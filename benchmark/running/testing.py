@@ -18,10 +18,11 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun,
 from benchmark.metrics import join_tables, measure_episodes, read_table, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, files_in
-from benchmark.results.reading import CONDITION
+from benchmark.results.reading import CONDITION, MEETS
 from benchmark.results.run_folder import EPISODES, FINISHED, SCENARIOS, TABLE, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
+from benchmark.running.meetings import meetings_in
 from benchmark.running.messages import Kept, Message, Noted, RunProgress
 from benchmark.running.played import held_out_of, scenario_digests
 from benchmark.scripted import SCRIPTED_POLICIES
@@ -40,6 +41,8 @@ ENGINE = "engine"
 MOST_NAMED = 4
 """Most scenarios whose names are in that of a folder of recorded episodes."""
 
+HELD_OUT = "held_out"
+"""Split of held-out variations."""
 ROUNDS = 5
 """Maximum number of rounds of a part; each later round replaces invalid episodes."""
 
@@ -54,7 +57,7 @@ class Part:
     """Scenarios, and the weight of each."""
     episodes: int
     split: str = "train"
-    """"train", as all conditions of a test are, or "held_out"."""
+    """"train": of what is trained on; "test": a condition of the task's `test`; or "held_out"."""
     condition: str = ""
     """Name of the condition, if the task gives its tests any, perhaps with "(seen)" behind it."""
     traffic: str | None = None
@@ -75,11 +78,11 @@ def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part
         for each in task_setting.task.test:
             scenarios = dict.fromkeys(each.scenarios, 1.0)
             label = f"{each.name} (seen)" if each.seen else each.name
-            yield Part(mode, scenarios, evaluation.episodes, condition=label, traffic=each.traffic)
+            yield Part(mode, scenarios, evaluation.episodes, "test", condition=label, traffic=each.traffic)
         if not task_setting.task.test:
             yield Part(mode, task_setting.task.trained_on, evaluation.episodes)
     for scenario in held_out_of(task_setting):
-        yield Part(modes[0], {scenario: 1.0}, evaluation.held_out_episodes, split="held_out")
+        yield Part(modes[0], {scenario: 1.0}, evaluation.held_out_episodes, HELD_OUT)
 
 
 def play_test(
@@ -208,9 +211,14 @@ def measure_part(
         shutil.rmtree(record, ignore_errors=True)  # left by an interrupted test
         indices = range(first, first + lacking)
         play_part(part, indices, record)
+        # Metrics know one other split than held-out variations.
+        split = HELD_OUT if part.split == HELD_OUT else "train"
         table = measure_episodes(
-            record, labels=labels, split=part.split, metrics=task_setting.metrics or (), indices=indices
+            record, labels=labels, split=split, metrics=task_setting.metrics or (), indices=indices
         )
+        if len(table):
+            table["split"] = part.split
+            table[MEETS] = meetings_in(record, table)
         counts = table.attrs[COUNTS]
         # Episodes of several parts may have one name.
         counts["corrupted"] = {f"{record.name}/{name}": why for name, why in counts["corrupted"].items()}

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
+
+from pydantic import Field
 
 from benchmark.results.release import Training
 from smarts.config import ConfigError, fitted
@@ -21,6 +24,8 @@ class Trained(Training):
     """What a policy was trained on; `benchmark.running.exporting.trained_content` writes it."""
 
     environment: dict[str, Any]
+    test: list[dict[str, Any]] = Field(default_factory=list)
+    """Conditions of its test, as `TaskSetting.test_content` has them."""
 
 
 def trained_on(path: Path) -> Trained:
@@ -66,7 +71,8 @@ def check_suite(trained: Trained, path: Path) -> None:
     Raises:
         SmartsError: It does.
     """
-    if foreign := own_scenarios(trained.scenarios):
+    tested = chain(*(each.get("scenarios", ()) for each in trained.test))
+    if foreign := own_scenarios([*trained.scenarios, *tested]):
         raise SmartsError(
             f"was trained on {shown(foreign[0])}, which is no scenario of the suite",
             place=str(path / CONTENT),

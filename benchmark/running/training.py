@@ -23,7 +23,7 @@ from algorithms.joint.evaluation import evaluate
 from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.runs import NOT_TAKEN, Run
+from benchmark.experiment.runs import NOT_TAKEN, TESTED, Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
@@ -94,7 +94,7 @@ def train_and_evaluate(
             yield RunProgress(TESTING, share)
     took = round(time.monotonic() - began, 1)
     yield from results_of(scratch)
-    tested = {"tested": run.task_setting.test_content(), "ended": _now(), "test_seconds": took}
+    tested = {TESTED: run.task_setting.test_content(), "ended": _now(), "test_seconds": took}
     yield Noted({"status": FINISHED, **tested, SCENARIOS: scenarios})
 
 

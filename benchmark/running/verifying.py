@@ -363,7 +363,7 @@ def _by_episode(tables: Sequence[Frame], outcome: str) -> np.ndarray:
     """Return the share of each valid episode's agents that ended in a way: the mean over tables."""
     shares = []
     for table in tables:
-        rows = table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
+        rows = table[(table["split"] != "held_out") & ~table["is_invalid"] & (table["agents"] > 0)]
         shares.append((rows["outcome"] == outcome).groupby([rows["scenario"], rows["world"]]).mean())
     return np.asarray(pd.concat(shares).groupby(level=[0, 1]).mean(), float)
 

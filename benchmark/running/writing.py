@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.loggers import LOGGERS
-from benchmark.experiment.runs import NOT_TAKEN, STARTED_FROM, Run, ScriptedRun, default_settings
+from benchmark.experiment.runs import (
+    NOT_TAKEN,
+    STARTED_FROM,
+    TESTED,
+    Run,
+    ScriptedRun,
+    default_settings,
+)
 from benchmark.results.digests import digest_of
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
@@ -108,6 +115,7 @@ class RunWriter:
             given = content.get("settings", {})
             defaults = {name: each for name, each in default_settings(content).items() if name not in given}
             known = {SCENARIOS: dict(began.scenarios), DEFAULTS: defaults}
+            known[TESTED] = self._run.task_setting.test_content()
             self._folder.note(status=TRAINING, run=str(self._run), **known, **began.circumstances)
         else:
             self._folder.note_continuation(began.circumstances)

@@ -6,7 +6,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluating import evaluate_checkpoint
+from benchmark.running.evaluating import asked_task, evaluate_checkpoint
 from benchmark.running.policy import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
@@ -39,6 +39,23 @@ def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):
         read_run(folder)
     assert "scenarios[0]: there is no scenario 'gone'" in caught.value.problem
     assert "pydantic" not in str(caught.value)
+
+
+def test_an_evaluation_plays_the_conditions_of_the_runs_test(folder):
+    test = [
+        {"name": "a", "scenarios": ["roundabout"], "traffic": "dense"},
+        {"name": "b", "scenarios": ["loop"]},
+    ]
+    folder.note(tested={"episodes": 9, "test": test})
+    task = read_run(folder).task_setting.task
+    assert [(each.name, each.scenarios, each.traffic) for each in task.test] == [
+        ("a", ("roundabout",), "dense"),
+        ("b", ("loop",), None),
+    ]
+    assert asked_task(task, [], None) == task
+    assert [each.traffic for each in asked_task(task, [], "no_social_vehicles").test] == [None, None]
+    alone = asked_task(task, ["city"], None)
+    assert (alone.tested_on, alone.test) == (["city"], ())
 
 
 def test_a_folder_that_is_not_there_leads_to_the_nearest(tmp_path):

@@ -82,7 +82,8 @@ def test_a_task_has_lists_for_training_validation_and_test(write):
         ("two_way_v1", "double_merge_v1", "intersection_v1", "intersection@mirrored"), 1.0
     )
     assert task.validated_on == {"city": 1}
-    again = run_from(run.content())
+    again = run_from(run.content(), run.task_setting.test_content()["test"])
+    assert again.task_setting.task.test == task.test
     assert again.task_setting.task.trained_on == task.trained_on
     assert again.content() == run.content()
     parts = [*parts_of(run.task_setting, ("greedy", "sampled"))]

@@ -5,6 +5,7 @@ import re
 import pandas as pd
 import yaml
 
+from benchmark.cli.experiments import show_metrics
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.models import Evaluation, Experiment, TrainingTask
 from benchmark.experiment.runs import TaskSetting, scripted_runs_of
@@ -104,16 +105,48 @@ def test_a_scripted_policy_gets_the_observation_that_it_reads(tmp_path):
     pd.testing.assert_frame_equal(*tables)
 
 
+def test_a_test_says_its_conditions_and_which_ways_meet(tmp_path, capsys):
+    tests = [{"name": name, "scenarios": [each]} for name, each in (("a", "intersection"), ("b", "two_way"))]
+    experiment = Experiment(
+        name="mine",
+        tasks=[{"name": "mine", "train": ["loop"], "test": tests}],
+        traffic=["no_social_vehicles"],
+        scripted=["parked"],
+        environment={"time_limit": 1},
+        evaluation={"episodes": 1},
+    )
+    (run,) = scripted_runs_of(experiment)
+    folder = RunFolder(tmp_path)
+    for _ in play_scripted(run, folder):
+        pass
+    table = read_table(folder.table)
+    assert set(table["split"]) == {"test"}
+    # All four cross the intersection; on the road all keep to their lanes.
+    meets = table.groupby("condition")["meets"].agg(list).to_dict()
+    assert meets == {"a": [1.0] * 4, "b": [0.0] * 4}
+    show_metrics(table)
+    said = capsys.readouterr().out
+    assert "of a, b, no_social_vehicles" in said
+    rows = re.findall(r"^ +(a|b|agents that meet|others): collision_rate 0.000", said, re.MULTILINE)
+    assert rows == ["a", "agents that meet", "b", "others"]
+
+
 def test_a_report_shows_each_condition_of_a_test(tmp_path):
     ends = {"unseen": [["goal"], ["goal"], ["collision"], ["goal"]], "dense": [["collision"], ["goal"]]}
-    tables = [agent_episodes(each, mode="greedy", condition=name) for name, each in ends.items()]
+    given = {"mode": "greedy", "split": "test"}
+    tables = [agent_episodes(each, condition=name, meets=1.0, **given) for name, each in ends.items()]
+    tables.append(agent_episodes([["goal"], ["goal"]], condition="unseen", meets=0.0, seed=43, **given))
     write_run(tmp_path, "ppo", tables)
     text = write_report(tmp_path).with_suffix(".md").read_text()
     rows = [
         line.split(" | ") for line in text.partition("## By condition")[2].splitlines() if "greedy" in line
     ]
-    figures = {row[4]: (row[5].split()[0], row[6].split()[0], row[7]) for row in rows[:2]}
-    assert figures == {"unseen": ("0.75", "0.25", "4"), "dense": ("0.50", "0.50", "2")}
+    figures = {row[4]: [row[5].split()[0], row[6].split()[0], *row[7:11]] for row in rows[:2]}
+    assert figures == {
+        # Of six, four meet another agent; the easy two do not hide what becomes of these.
+        "unseen": ["0.83", "0.17", "0.67 / 0.67", "0.75 / 0.25", "1.00 / 0.00", "6"],
+        "dense": ["0.50", "0.50", "1.00 / 1.00", "0.50 / 0.50", "", "2"],
+    }
     assert "By condition" in write_report(tmp_path).read_text()
     # Of one scenario alone, there is nothing to tell apart.
     write_run(tmp_path / "one", "ppo", [agent_episodes([["goal"]], mode="greedy")])

@@ -10,7 +10,14 @@ from benchmark.experiment import version
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import runs_of, scripted_runs_of
-from benchmark.experiment.version import CODE, changed_scenarios, changed_settings, code_digests, frozen_text
+from benchmark.experiment.version import (
+    CODE,
+    changed_scenarios,
+    changed_settings,
+    changed_task,
+    code_digests,
+    frozen_text,
+)
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
@@ -142,6 +149,21 @@ class TestRefusals:
         assert (again[1]["environment"]["agents"], again[1]["scenarios"]) == (5, {})
         both = yaml.safe_load(frozen_text(2, {}, Environment()))
         assert both[1] == yaml.safe_load(frozen.read_text())[1]
+
+    def test_it_freezes_the_lists_of_tasks_and_families_map_by_map(self, frozen):
+        scenarios = {"roads@test-00": "a", "roads@test-01": "b", "roads@dense": "c"}
+        lists = {"streets": {"train": ["roads@train-*"], "test": ["roads@test-*"]}}
+        frozen.write_text(frozen_text(2, {ALONE: scenarios}, Environment(), tasks=lists))
+        version.versions.cache_clear()
+        assert len(version.versions()[2]["scenarios"][ALONE]) == 2
+        assert changed_scenarios(2, {ALONE: scenarios}) == []
+        other = {**scenarios, "roads@test-01": "d"}
+        assert changed_scenarios(2, {ALONE: other}) == [f"roads@test-*, {ALONE}"]
+        played = ["roads@train-00", "roads@test-00"]
+        assert changed_task(2, "streets", played, lists["streets"]) == ""
+        assert "restore its lists" in changed_task(2, "streets", played, {"train": ["roads@train-*"]})
+        assert "not the one scenario" in changed_task(2, "others", played, lists["streets"])
+        assert changed_task(2, "roads", ["roads"], {}) == ""
 
     def test_its_settings_are_those_of_its_file(self):
         experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
