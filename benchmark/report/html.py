@@ -12,6 +12,7 @@ from typing import Any
 from benchmark.metrics import METRICS
 from benchmark.metrics.registry import PAPER_METRICS
 from benchmark.report import (
+    contrasts,
     drawing,
     figures,
     front,
@@ -29,7 +30,7 @@ from benchmark.report.style import OUTCOME_COLOURS, PALETTE, thousands
 from benchmark.report.summary import Summaries
 from benchmark.report.values import MODES
 
-MODULES = (drawing, figures, front, overview, paper, provenance, summary, tables, wording)
+MODULES = (contrasts, drawing, figures, front, overview, paper, provenance, summary, tables, wording)
 """Modules of this package whose texts and tables the templates call by their names."""
 SHOWN_FIRST = ("completion", "collision")
 """Learning curves above the fold."""
