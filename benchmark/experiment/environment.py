@@ -115,7 +115,7 @@ class Environment(Driving):
     action_latency: Annotated[float, Field(ge=0.0, le=10.0, multiple_of=0.1)] = 0.0
     """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of 0.1."""
     traffic_engine: Engine | None = None
-    """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
+    """What drives the traffic: SUMO, Native, or module:Class of one's own; null: what the scenario
     names."""
     traffic_step: Annotated[float, Field(ge=0.1, le=1.0, multiple_of=0.1)] | None = None
     """Length of SUMO's step in training [s], a multiple of 0.1; null: 0.1. 0.5 makes training about twice as

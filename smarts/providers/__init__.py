@@ -13,8 +13,8 @@ arbiter merges, which copies every row.)
 `traffic_engine` is the protocol of traffic engines: arrays of all simulations at once, in and out.
 (Alternative considered: a protocol for one simulation and a loop over simulations, which rules out engines
 that step thousands of simulations in one kernel.) `smarts.types.traffic` lists the engines, a scenario or
-`Options.traffic_engine` chooses one, and `traffic_engines` constructs them: `constant_speed`, an example, and
-`sumo_engine`, which steps one copy of SUMO per simulation. `sumo_traffic` runs one SUMO simulation,
+`Options.traffic_engine` chooses one, and `traffic_engines` constructs them: `native`, one kernel for all
+simulations, and `sumo_engine`, which steps one copy of SUMO per simulation. `sumo_traffic` runs one of these,
 `sumo_rows` writes SUMO's vehicles into the world, `sumo_shadows` shows other providers' vehicles to SUMO, and
 `sumo_library` loads independent copies of libsumo.
 """

@@ -101,8 +101,7 @@ class SumoTraffic:
             raise TrafficError(
                 f"a step of {self._dt} s, while SUMO counts whole milliseconds",
                 place="dt",
-                remedy=f"give {max(round(1000.0 * self._dt), 1) / 1000.0:g} s, or the traffic engine "
-                "ConstantSpeed",
+                remedy=f"give {max(round(1000.0 * self._dt), 1) / 1000.0:g} s, or the traffic engine Native",
             )
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)

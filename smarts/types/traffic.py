@@ -27,7 +27,6 @@ TRAFFIC_ENGINES = Registry(
     {
         "SUMO": "smarts.providers.sumo_engine:SumoEngine",
         "Native": "smarts.providers.native.engine:Native",
-        "ConstantSpeed": "smarts.providers.constant_speed:ConstantSpeed",
     },
     _adopt,
 )

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.arrays import Ints
 from smarts.errors import TrafficError
 from smarts.types.vehicles import Owner, VehicleStates
 
@@ -59,13 +57,19 @@ class VehicleRegistry:
             TrafficError: No slot is free.
         """
         states = self.states
-        slot = self._take_slot(row)
-        if slot < 0:
+        slot = int(states.alive[row].argmin())
+        if states.alive[row, slot]:
             raise TrafficError(
                 f"all {states.capacity} slots of the simulation are taken",
                 remedy="raise the scenario's limit of vehicles",
             )
-        self._describe(row, slot, owner, kind, length, width)
+        states.alive[row, slot] = True
+        self.used[row] = max(self.used[row], slot + 1)
+        states.generation[row, slot] += 1
+        states.owner[row, slot] = owner
+        states.home[row, slot] = Owner.NOBODY if owner == Owner.AGENT else owner
+        states.kind[row, slot], states.height[row, slot] = kind, np.nan
+        states.length[row, slot], states.width[row, slot] = length, width
         unique, number, by_name = name, 1, self._by_name[row]
         while unique in by_name:
             number += 1
@@ -73,32 +77,8 @@ class VehicleRegistry:
         self._names[row][slot], by_name[unique] = (int(states.generation[row, slot]), unique), slot
         return slot
 
-    def admit_unnamed(
-        self, rows: Ints, owner: int, kind: NDArray, length: NDArray, width: NDArray
-    ) -> NDArray[np.intp]:
-        """Give N vehicles slots, in order; return the slots, shape (N,), -1 where a simulation is full.
-
-        Their names are made of slot and generation when they are asked for.
-
-        Args:
-            rows: The simulation of each vehicle, shape (N,).
-            owner: As in `admit`.
-            kind: A `VehicleKind` each, shape (N,), as are the following.
-            length: [m]
-            width: [m]
-        """
-        slots = np.array([self._take_slot(row) for row in rows.tolist()], np.intp)
-        let_in = slots >= 0
-        self._describe(rows[let_in], slots[let_in], owner, kind[let_in], length[let_in], width[let_in])
-        return slots
-
-    def dismiss(self, row: int | NDArray, slot: int | NDArray) -> None:
-        """Take vehicles out of their simulations and clear their slots, except for the generations.
-
-        Args:
-            row: Row of one vehicle, or of N vehicles, shape (N,).
-            slot: As `row`.
-        """
+    def dismiss(self, row: int, slot: int) -> None:
+        """Take a vehicle out of its simulation and clear its slot, except for the generation."""
         self.states.clear((row, slot))
 
     def name(self, row: int, slot: int) -> str:
@@ -115,31 +95,3 @@ class VehicleRegistry:
         if slot < 0 and (made := MADE_NAME.fullmatch(name)):
             slot = int(made[1])
         return slot if 0 <= slot < self.states.capacity and self.name(row, slot) == name else -1
-
-    def _take_slot(self, row: int) -> int:
-        """Take the lowest free slot of a simulation for a new generation; return it, -1 if there is none."""
-        alive = self.states.alive[row]
-        slot = int(alive.argmin())
-        if alive[slot]:
-            return -1
-        alive[slot] = True
-        self.used[row] = max(self.used[row], slot + 1)
-        self.states.generation[row, slot] += 1
-        return slot
-
-    def _describe(
-        self,
-        row: int | NDArray,
-        slot: int | NDArray,
-        owner: int,
-        kind: int | NDArray,
-        length: float | NDArray,
-        width: float | NDArray,
-    ) -> None:
-        states = self.states
-        states.owner[row, slot] = owner
-        states.home[row, slot] = Owner.NOBODY if owner == Owner.AGENT else owner
-        states.kind[row, slot] = kind
-        states.height[row, slot] = np.nan
-        states.length[row, slot] = length
-        states.width[row, slot] = width

@@ -13,10 +13,10 @@ PAGE = ROOT / "docs" / "guide" / "own_code.md"
 TUTORIALS = [
     PAGE.parent / "tutorials" / f"{name}.md" for name in ("algorithm", "observation_and_reward", "metric")
 ]
-ENGINE = """from smarts.providers.constant_speed import ConstantSpeed
+ENGINE = """from smarts.providers.native.engine import Native
 
 
-class Steady(ConstantSpeed):
+class Steady(Native):
     pass
 """
 RUN = "loop/no_social_vehicles/seed_1"

@@ -134,8 +134,8 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
 
 def test_a_test_on_another_traffic_engine_says_so(make):
     _, folder = make("ppo")
-    tested = evaluate_checkpoint(folder.path, episodes=1, modes=("greedy",), engine="ConstantSpeed")
-    assert tested.attrs[ENGINE] == "tested on the traffic engine ConstantSpeed"
+    tested = evaluate_checkpoint(folder.path, episodes=1, modes=("greedy",), engine="Native")
+    assert tested.attrs[ENGINE] == "tested on the traffic engine Native"
     with pytest.raises(ConfigError, match="no traffic engine 'Nativ'; did you mean 'Native'"):
         evaluate_checkpoint(folder.path, engine="Nativ")
 

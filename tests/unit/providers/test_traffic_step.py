@@ -129,7 +129,7 @@ def test_what_a_longer_step_does_not_go_with(new_world, tmp_path):
     for step in (0.25, 1.1, 0.0):
         refused("Options.traffic_step", Options, traffic_step=step)
     refused("Options.traffic_step", Options, traffic_step=0.5, record=tmp_path)
-    refused("traffic_step", traffic_of, ["ConstantSpeed"], new_world().state, [], step=0.5)
+    refused("traffic_step", traffic_of, ["Native"], new_world().state, [], step=0.5)
     made = partial(VectorHiWayEnv, simulation=Options(traffic_step=0.5))
     refused("left_turn_bubble", made, 1, ["examples/left_turn_bubble"], 1)
     social = [{"agent": "smarts.zoo:idm-v0"}]

@@ -50,25 +50,11 @@ def test_any_coming_and_going(moves):
         assert set(np.flatnonzero(registry.states.alive[0]).tolist()) == alive
 
 
-def test_many_arrive_in_the_order_given_until_their_simulation_is_full():
-    registry = VehicleRegistry(VehicleStates.allocate(2, 2))
-    registry.admit(1, "a", *CAR)
-    rows, length = np.array([1, 0, 1, 0]), np.array([3.0, 4.0, 5.0, 6.0])
-    kind = np.full(4, VehicleKind.BUS, np.int8)
-    assert registry.admit_unnamed(rows, 3, kind, length, length / 2).tolist() == [1, 0, -1, 1]
-    assert registry.states.length.tolist() == [[4.0, 6.0], [5.0, 3.0]]
-    assert registry.states.width[0].tolist() == [2.0, 3.0]
-    assert registry.states.owner.tolist() == registry.states.home.tolist() == [[3, 3], [Owner.TRAFFIC, 3]]
-    assert registry.states.generation.tolist() == [[1, 1], [1, 1]]
-
-
-def test_who_has_no_name_gets_one_of_slot_and_generation():
+def test_vehicles_whose_slots_a_kernel_issues_are_named_by_slot_and_generation():
     registry = new_registry(3)
-    slot = registry.admit(0, "a", *CAR)
-    registry.dismiss(0, slot)
-    one = np.ones(1)
-    slots = [registry.admit_unnamed(np.zeros(1, int), 1, one, one, one)[0] for _ in range(2)]
-    assert slots == [0, 1]
+    registry.dismiss(0, registry.admit(0, "a", *CAR))
+    registry.states.alive[0, :2] = True
+    registry.states.generation[0, :2] += 1
     assert [registry.name(0, slot) for slot in range(3)] == ["vehicle-0-2", "vehicle-1-1", ""]
     assert [registry.slot(0, name) for name in ("vehicle-0-2", "vehicle-1-1", "vehicle-0-1", "a")] == [
         0,
@@ -76,5 +62,3 @@ def test_who_has_no_name_gets_one_of_slot_and_generation():
         -1,
         -1,
     ]
-    registry.dismiss(np.zeros(2, int), np.array(slots))
-    assert not registry.states.alive.any()
