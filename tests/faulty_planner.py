@@ -1,11 +1,11 @@
-"""The receding-horizon planner, of which a test lets some calls fail."""
+"""Planners of tests: one of which a test lets some calls fail, one that waits."""
 
 from collections.abc import Collection
 from typing import ClassVar
 
 import numpy as np
 
-from smarts.planners import RecedingHorizonPlanner
+from smarts.planners import BezierPlanner, RecedingHorizonPlanner
 
 
 class Faulty:
@@ -24,3 +24,13 @@ class Faulty:
             states = np.full_like(states, np.nan)
         self.plans.append(self._planner.plan(states, *more))
         return self.plans[-1]
+
+
+class Waiting(BezierPlanner):
+    """Drives on beside its lane as long as there is a neighbour, then to the target."""
+
+    def plan(self, states, targets, neighbours=None, last=None, elapsed=0.0):
+        if neighbours is not None and np.isfinite(neighbours.path).any():
+            targets = targets.copy()
+            targets[:, 2], targets[:, 3] = states[:, 1], 0.0
+        return super().plan(states, targets, neighbours, last, elapsed)

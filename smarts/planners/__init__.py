@@ -7,20 +7,17 @@ from smarts.planners.optimal_control import Weights
 from smarts.planners.paths import as_actions, resample
 from smarts.planners.protocol import Limits, Neighbours, Planner, Plans, PlanStatus
 from smarts.planners.receding_horizon import RecedingHorizonPlanner
-from smarts.planners.sumo import CarFollowing, SumoPlanner
 from smarts.registry import Registry
 
 __all__ = [
     "PLANNERS",
     "BezierPlanner",
-    "CarFollowing",
     "Limits",
     "Neighbours",
     "PlanStatus",
     "Planner",
     "Plans",
     "RecedingHorizonPlanner",
-    "SumoPlanner",
     "Weights",
     "as_actions",
     "resample",
@@ -39,7 +36,6 @@ PLANNERS = Registry(
     {
         "bezier": "smarts.planners.bezier:BezierPlanner",
         "receding_horizon": "smarts.planners.receding_horizon:RecedingHorizonPlanner",
-        "sumo": "smarts.planners.sumo:SumoPlanner",
     },
     _adopt,
 )

@@ -11,11 +11,10 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
 from smarts.controllers.action_formats import PATH_POINTS
-from smarts.errors import SmartsError
 from smarts.observations.lane_ways import LANE_WAYS
 from smarts.observations.surroundings import OWN, Own
 from smarts.observations.u_turn import LATERAL, POINTS, SHARPEST, TURN_LANE, TURN_STATE
-from smarts.planners import Limits, PlanStatus, SumoPlanner, resample
+from smarts.planners import Limits, PlanStatus, resample
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, target_speed
 from smarts.zoo.planned import agilities, lane_paths, plan_paths, planner_named
@@ -46,7 +45,7 @@ class UTurn(Driver):
             A name such as "bezier", or a "module:Class".
 
     Raises:
-        SmartsError: There is no such planner, or it cannot turn round (as "sumo").
+        SmartsError: There is no such planner.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER.replace(action=ActionSpaceType.Trajectory)
@@ -56,12 +55,6 @@ class UTurn(Driver):
         super().__init__(speed_factor=speed_factor)
         self._after = float(after)
         self._planner = planner_named(planner, LIMITS)
-        if isinstance(self._planner, SumoPlanner):
-            raise SmartsError(
-                f"the planner {planner!r} plans along lanes, not round",
-                place="UTurn.planner",
-                remedy="name 'bezier', 'receding_horizon', or one of your own",
-            )
         # Phase, step of entry, and the path round.
         self._memory = Memory(2 + 4 * PATH_POINTS)
 

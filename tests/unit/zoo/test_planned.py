@@ -113,7 +113,7 @@ def bend(radius, way=0.0, speed=10.0, beside=False):
 @pytest.mark.parametrize("steps", [79, 100])
 def test_a_lane_change_leads_to_its_lane_however_late(steps):
     """A queue blocks it until just before it is given up, or longer: then it is tried again."""
-    agent = make_agent("overtaking-v0", planner="sumo")[0]
+    agent = make_agent("overtaking-v0", planner="tests.faulty_planner:Waiting")[0]
     for step in range(steps):
         paths = agent.act(bend(RADIUS, float(step), beside=True))
         assert np.hypot(*paths[0, :2]) == pytest.approx(RADIUS, abs=0.5)
