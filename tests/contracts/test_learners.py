@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import algorithms
-from algorithms.joint.conformance import check_vector_env
 from smarts.env import RLlibHiWayEnv, VectorHiWayEnv
+from tests.vector_contract import check_vector_env
 
 
 def different_scenarios(env):

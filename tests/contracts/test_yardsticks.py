@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mpe2 import simple_spread_v3
 
-from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.making import check_environment
 from perf.yardstick_games.foraging import LOAD, Foraging
@@ -14,6 +13,7 @@ from perf.yardstick_games.matrices import Matrices, scaled
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS
 from perf.yardstick_games.spread import Spread
 from perf.yardsticks import configured
+from tests.vector_contract import check_vector_env
 
 SEED = 7
 

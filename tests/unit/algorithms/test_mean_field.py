@@ -8,7 +8,6 @@ from rigs import Rig, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
-from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import AgentBlock, JointSpaces
 from algorithms.joint.features import MEAN_ACTION, WithMeanActions
 from algorithms.joint.module import critic_of
@@ -17,6 +16,7 @@ from algorithms.mf_q import mean_actions
 from algorithms.parts.communication import mean_over
 from algorithms.parts.distributions import BoltzmannHead, Exploration
 from tests.games.games import Cues, Game, Ragged
+from tests.vector_contract import check_vector_env
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
 LEARN = {"learning_starts": 200, "updates_per_step": 0.5, "batch_size": 64, "lr": 3e-3, "gamma": 0.0}

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-from algorithms.joint.conformance import check_vector_env
 from smarts.agents.options import InterfaceError
 from smarts.env import (
     VectorHiWayEnv,
@@ -14,6 +13,7 @@ from smarts.env import (
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
 from smarts.types.vehicles import Owner
+from tests.vector_contract import check_vector_env
 
 LEFT_TURN = Path(__file__).parents[3] / "examples" / "left_turn_bubble"
 IN_BUBBLE = {"learn_in_bubbles": True, "episode_time": 40.0}
