@@ -58,14 +58,14 @@ def scripted(
     Shares are of agent-episodes; those of collision and goal have 95% intervals.
     """
     from benchmark.running.importing import named_own_code
-    from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
+    from benchmark.scripted import SCRIPTED_POLICIES
     from benchmark.scripted.play import play
     from smarts.registry import file_name, import_own
     from smarts.sstudio.locating import locate
 
     import_own(import_ or ())
-    chosen, scenarios = policies or (*SCRIPTED_POLICIES, SUMO_DRIVER), scenario or SCENARIOS
-    for policy in {*chosen} - {SUMO_DRIVER}:
+    chosen, scenarios = policies or (*SCRIPTED_POLICIES,), scenario or SCENARIOS
+    for policy in chosen:
         SCRIPTED_POLICIES[policy]  # raises where there is none
     for name in scenarios:
         locate(name)

@@ -65,6 +65,3 @@ SCRIPTED_POLICIES = Registry(
     _adopt,
 )
 """Name -> "module:Class" of a `ScriptedPolicy`; a user's own is named in this way too."""
-
-SUMO_DRIVER = "sumo_driver"
-"""SUMO's driver model. It sees the whole simulation and takes no actions, so it is no `ScriptedPolicy`."""

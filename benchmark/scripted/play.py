@@ -15,11 +15,10 @@ from gymnasium.spaces import Discrete, Space
 from numpy.typing import NDArray
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
-from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER, ScriptedPolicy
-from benchmark.scripted.sumo_driver import sumo_episodes
+from benchmark.scripted import SCRIPTED_POLICIES, ScriptedPolicy
 from benchmark.statistics import wilson_interval
 from smarts.env.vector import VectorHiWayEnv, VectorStep
-from smarts.errors import OwnCodeError, SmartsError, TrafficError, shown
+from smarts.errors import OwnCodeError, TrafficError, shown
 from smarts.registry import definition_of, guarded, is_own_name
 from smarts.sim.assembly import Options
 from smarts.sstudio.build import build_scenario
@@ -93,7 +92,7 @@ def play(
     Episode k is that of world `first_episode` + k, as in the evaluation of learned policies.
 
     Args:
-        policy: A name of `SCRIPTED_POLICIES`, or `SUMO_DRIVER`.
+        policy: A name of `SCRIPTED_POLICIES`.
         scenario: Folder, or name of the suite.
         episodes: How many are counted for each traffic: the first valid ones.
         agents: How many drive in each episode.
@@ -102,42 +101,30 @@ def play(
         record: Folder for recorded episodes; the last episode of each traffic is cut short.
 
     Raises:
-        SmartsError: `record` is given for SUMO's driver; or there are fewer missions than agents.
+        SmartsError: There are fewer missions than agents.
         TrafficError: Traffic failed.
     """
     names = build_scenario(scenario).traffic
     for traffic in names or ("none",):
         chosen = [traffic] if names else None
         tally = Tally(policy, scenario, traffic, agents)
-        if policy == SUMO_DRIVER:
-            if record is not None:
-                raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
-            played = sumo_episodes(scenario, chosen, agents, seed, first_episode)
-        else:
-            env = VectorHiWayEnv(
-                1,
-                [scenario],
-                agents,
-                seed=seed,
-                observation=getattr(SCRIPTED_POLICIES[policy], "observation", None) or "benchmark",
-                reward="benchmark",
-                simulation=Options(record=record, policy=policy),
-                traffic=chosen,
-            )
-            played = _episodes(env, policy, seed, first_episode)
-        for outcomes, steps in played:
-            if not outcomes["invalid"]:
-                tally.add(outcomes, steps)
-            if tally.episodes >= episodes:
-                break
-        played.close()
+        env = VectorHiWayEnv(
+            1,
+            [scenario],
+            agents,
+            seed=seed,
+            observation=getattr(SCRIPTED_POLICIES[policy], "observation", None) or "benchmark",
+            reward="benchmark",
+            simulation=Options(record=record, policy=policy),
+            traffic=chosen,
+        )
+        with closing(env):
+            for outcomes, steps in episodes_of(env, policy, seed, first_episode):
+                if not outcomes["invalid"]:
+                    tally.add(outcomes, steps)
+                if tally.episodes >= episodes:
+                    break
         yield tally
-
-
-def _episodes(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int) -> Generator[Ended]:
-    """Yield one episode of each world in turn, and close the environment at the end."""
-    with closing(env):
-        yield from episodes_of(env, policy, seed, first_episode)
 
 
 def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int) -> Generator[Ended]:

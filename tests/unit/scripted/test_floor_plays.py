@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from benchmark.cli.scripted import scripted
-from benchmark.scripted import SUMO_DRIVER
 from benchmark.scripted.play import Tally, play
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -36,13 +35,7 @@ def test_keep_lane_drives_and_parked_stands(tmp_path):
     assert len(recorded) >= 2
 
 
-def test_sumos_driver_arrives_on_an_empty_road():
-    alone, _ = play(SUMO_DRIVER, "double_merge", episodes=2, first_episode=100)
-    assert alone.share("goal") == 1.0
-
-
-@pytest.mark.parametrize("policy", ["keep_lane", SUMO_DRIVER])
-def test_a_scenario_without_traffic_is_played(tmp_path, policy):
+def test_a_scenario_without_traffic_is_played(tmp_path):
     (tmp_path / "scenario.py").write_text(
         "from pathlib import Path\n"
         "from smarts.sstudio import gen_scenario, types as t\n"
@@ -51,27 +44,24 @@ def test_a_scenario_without_traffic_is_played(tmp_path, policy):
         "bare = t.Scenario(map_spec=loop, ego_missions=[t.Mission(route)])\n"
         "gen_scenario(bare, output_dir=Path(__file__).parent)\n"
     )
-    (tally,) = play(policy, str(tmp_path), episodes=1, agents=1)
+    (tally,) = play("keep_lane", str(tmp_path), episodes=1, agents=1)
     assert (tally.traffic, tally.episodes) == ("none", 1)
 
 
-def test_bad_input_is_refused_before_anything_is_played(tmp_path):
+def test_bad_input_is_refused_before_anything_is_played():
     with pytest.raises(UnknownNameError, match="yeilder"):
         scripted(["yeilder"])
     with raises(SmartsError, "/proc/x.csv") as caught:
         scripted(["parked"], out=Path("/proc/x.csv"))
     assert "place that can be written to" in caught.value.remedy
-    with raises(SmartsError, "record", values=["sumo_driver"]):
-        next(play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path))
 
 
-@pytest.mark.parametrize("policy", ["parked", SUMO_DRIVER])
-def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(policy, tmp_path, capsys):
+def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(tmp_path, capsys):
     table = tmp_path / "scripted.csv"
     with raises(SmartsError, "loop: ego_missions", values=[60, 4]):
-        scripted([policy], ["loop"], episodes=1, agents=60)
+        scripted(["parked"], ["loop"], episodes=1, agents=60)
     assert capsys.readouterr().out == ""
-    scripted([policy], ["loop"], episodes=1, agents=1, out=table)
+    scripted(["parked"], ["loop"], episodes=1, agents=1, out=table)
     with table.open() as file:
         assert {row["agent_episodes"] for row in csv.DictReader(file)} == {"1"}
     assert capsys.readouterr().out.splitlines()[0].split()[:2] == ["policy", "scenario"]
