@@ -25,8 +25,7 @@ def release(
     """Export the last checkpoint of each run of an experiment, with a manifest of what is claimed of it.
 
     The folder needs neither the results nor a training: `smarts-bench evaluate OUT/policies/NAME` plays a
-    policy, `smarts-bench zoo add OUT/policies/NAME` adds it to the zoo, and `smarts-bench verify OUT`
-    compares all with their claims.
+    policy, and `smarts-bench verify OUT` compares all with their claims.
     """
     from benchmark.results.release import MANIFEST
     from benchmark.running.experiment import interruptible

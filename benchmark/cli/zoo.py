@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from benchmark.cli.experiments import Import
 from benchmark.cli.lists import aligned
 
-if TYPE_CHECKING:
-    from smarts.zoo.entry import ZooEntry
-
-app = typer.Typer(help="List, describe, test, add and remove policies of road users.", no_args_is_help=True)
+app = typer.Typer(help="List, describe and test policies of road users.", no_args_is_help=True)
 
 Locator = Annotated[
     str,
@@ -30,10 +27,10 @@ COLUMNS = ("locator", "level", "author", "provenance")
 
 @app.command("list")
 def list_agents() -> None:
-    """List the agents that are known: of this project, of installed packages, and added ones."""
+    """List the agents that are known: of this project and of installed packages."""
     from smarts.zoo import entries
 
-    rows = [COLUMNS, *((e.locator, e.m_level, e.author, _source(e)) for e in entries())]
+    rows = [COLUMNS, *((e.locator, e.m_level, e.author, e.provenance) for e in entries())]
     typer.echo("\n".join(aligned(rows)))
 
 
@@ -75,35 +72,6 @@ def check_agent(
 
 
 @app.command()
-def add(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="FOLDER...", help="Folders whose __init__.py registers agents.")
-    ],
-) -> None:
-    """Add folders' agents to the user's zoo, so that their names are known everywhere."""
-    from smarts.zoo.folders import added_agents, zoo_file
-    from smarts.zoo.registry import add_folder
-
-    for folder in folders:
-        known = added_agents()
-        for entry in add_folder(folder):
-            before = known[entry.name].folder if entry.name in known else entry.folder
-            instead = "" if before == entry.folder else f", in place of the one in {before}"
-            typer.echo(f"added {entry.name} to {zoo_file()}{instead}")
-
-
-@app.command()
-def remove(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="An agent that was added.", show_default=False)],
-) -> None:
-    """Remove an added agent from the user's zoo; its folder stays."""
-    from smarts.zoo.folders import remove_added, zoo_file
-
-    remove_added(name)
-    typer.echo(f"removed {name} from {zoo_file()}")
-
-
-@app.command()
 def kit(out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path()) -> None:
     """Write the wheel of the agents' kit, for another machine or environment."""
     from benchmark.results.files import named_failures
@@ -134,7 +102,7 @@ def export(
 
     folder = export_policy(run, name, out, checkpoint=checkpoint, imports=import_ or ())
     typer.echo(f"wrote {folder}")
-    typer.echo(f"smarts-bench zoo add {folder}   # makes {name}-v0 known everywhere")
+    typer.echo(f"its locator, with --import {folder} or imports: [{folder}]: {folder.name}:{name}-v0")
 
 
 def serve(
@@ -167,13 +135,6 @@ def options_of(given: list[str]) -> dict[str, Any]:
         # An asterisk means all agents, and is no YAML.
         options |= {name: value} if value == "*" else read_override(text).values
     return options
-
-
-def _source(entry: ZooEntry) -> str:
-    """Return where an entry comes from, or that its folder is gone."""
-    if entry.folder and not Path(entry.folder).exists():
-        return f"missing: {entry.folder}"
-    return entry.provenance
 
 
 def _shown(default: Any) -> str:

@@ -1,7 +1,7 @@
 """The archive of code that Ray brings to the machines of a cluster, which have only third-party packages.
 
-It holds this program with its compiled kernels, own code, scenarios with their builds, and folders of added
-agents. `smarts.shipped` says where the user's files are in it.
+It holds this program with its compiled kernels, own code, and scenarios with their builds. `smarts.shipped`
+says where the user's files are in it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from smarts.shipped import PROGRAM, SHIPPED, TIMES
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.cache import BuildCache
 from smarts.sstudio.locating import Location, locate
-from smarts.zoo.folders import added_agents, zoo_file
 
 PACKAGES = ("algorithms", "benchmark", "configs", "scenarios", "smarts", "smarts_agent_kit")
 MOST_BYTES = 500 * 2**20
@@ -64,8 +63,7 @@ def shipped_code(experiment: Experiment) -> Iterator[dict[str, Any] | None]:
                 f"cannot be shipped to the cluster: {error.strerror or error}", place=str(error.filename)
             ) from error
         _check_size(archive)
-        zoo = {"SMARTS_ZOO": str(zoo_file().absolute())}
-        yield {"working_dir": str(archive), "worker_process_setup_hook": SET_UP, "env_vars": zoo}
+        yield {"working_dir": str(archive), "worker_process_setup_hook": SET_UP}
 
 
 def _check_size(archive: Path) -> None:
@@ -124,7 +122,6 @@ def _files(experiment: Experiment) -> Iterator[Path]:
     yield from _kernels()
     for path in experiment.imports:
         yield from _in(Path(path))
-    yield from _zoo()
     for location, artefacts in _scenarios(experiment):
         folder = location.directory
         yield from _in(folder / location.map_file if location.map_file else folder)
@@ -142,14 +139,6 @@ def _in(path: Path) -> Iterator[Path]:
     for entry in sorted(path.iterdir()):
         if entry.name not in SKIPPED and not entry.name.startswith("."):
             yield from _in(entry)
-
-
-def _zoo() -> Iterator[Path]:
-    if zoo_file().exists():
-        yield zoo_file().absolute()
-        for entry in added_agents().values():
-            if Path(entry.folder).exists():
-                yield from _in(Path(entry.folder).absolute())
 
 
 def _scenarios(experiment: Experiment) -> Iterator[tuple[Location, Path | None]]:

@@ -40,13 +40,11 @@ class ZooEntry:
     provenance: str = ""
     """Origin of the agent: a paper, or the run that it was trained in."""
     licence: str = ""
-    folder: str = ""
-    """Path of the folder whose code registers it, "" for importable modules."""
 
     @property
     def locator(self) -> str:
         """The name by which `make_spec` finds it."""
-        return f"{self.module}:{self.name}" if self.module and not self.folder else self.name
+        return f"{self.module}:{self.name}" if self.module else self.name
 
     def load(self) -> Callable[..., Any]:
         """Import and return the entry point.

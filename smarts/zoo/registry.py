@@ -1,4 +1,4 @@
-"""Agents by locator: of this project, of installed packages, of users' modules and folders.
+"""Agents by locator: of this project, of installed packages, of users' modules.
 
 A locator is a name with its version, "idm-v0", or "module:name-v0", which imports the module; the module
 registers the agent itself.
@@ -10,7 +10,6 @@ import importlib.metadata
 import importlib.util
 import itertools
 import sys
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import guarded, load_module, own_error
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
-from smarts.zoo.folders import added_agents, import_folder, write_added
 
 ORIGINALS = "zoo.policies"
 """The module of the original's agents, which its scenario files name."""
@@ -123,8 +121,7 @@ def build_agent(locator: str, **kwargs: Any) -> Agent:
 def entries() -> list[ZooEntry]:
     """Return all agents that are known without importing a user's module, by name.
 
-    These are the project's own, those of installed packages and of added folders, and those that this process
-    has registered.
+    These are the project's own, those of installed packages, and those that this process has registered.
     """
     found = {**_known(), **{entry.locator: entry for entry in _REGISTERED.values()}}
     return [found[name] for name in sorted(found)]
@@ -154,36 +151,6 @@ def search(folder: str | Path) -> None:
     be that in the path. A module that can be imported by its name comes first.
     """
     _SEARCHED[Path(folder).absolute()] = None
-
-
-def add_folder(folder: str | Path) -> list[ZooEntry]:
-    """Add the agents that a folder registers to the user's zoo.
-
-    Raises:
-        SmartsError: The folder does not exist, registers no agent, or takes a name of another.
-        OwnCodeError: Its code cannot be imported or raises.
-    """
-    module = import_folder(folder)
-    found = [
-        replace(entry, folder=str(Path(folder).absolute()))
-        for (owner, _), entry in _REGISTERED.items()
-        if owner == module or owner.startswith(f"{module}.")
-    ]
-    if not found:
-        raise SmartsError(
-            "the folder registers no agent",
-            place=str(folder),
-            remedy='call smarts.zoo.register("my-agent-v0", MyAgent) in its __init__.py',
-        )
-    taken = {**_of_packages(), **AGENTS}
-    for entry in found:
-        if entry.name in taken:
-            raise SmartsError(
-                f"the name {entry.name!r} is taken", place=str(folder), remedy="choose another name"
-            )
-        entry.spec()
-    write_added(found)
-    return found
 
 
 def searched() -> list[str]:
@@ -237,8 +204,7 @@ def _named(name: str) -> ZooEntry:
     """Return the entry of a name without a module."""
     known = _known()
     if name in known:
-        entry = known[name]
-        return _registered_by(import_folder(entry.folder), name) if entry.folder else entry
+        return known[name]
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]
@@ -291,8 +257,8 @@ def _original(name: str) -> str:
 
 
 def _known() -> dict[str, ZooEntry]:
-    """Return the agents that can be named without a module: own ones win, then packages, then folders."""
-    return {**added_agents(), **_of_packages(), **AGENTS}
+    """Return the agents that can be named without a module: own ones win over packages'."""
+    return {**_of_packages(), **AGENTS}
 
 
 @cache

@@ -6,7 +6,6 @@ from typer.testing import CliRunner
 from benchmark.cli import app
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.zoo.agents import AGENTS
-from tests.raising import raises
 
 AGENT = """
 from smarts.zoo import register
@@ -23,38 +22,25 @@ def run(*words, code=0):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "zoo.yaml"))
+def folder(tmp_path):
     folder = tmp_path / "cli_zoo"
     folder.mkdir()
     (folder / "__init__.py").write_text(AGENT.format(name="added"))
     return folder
 
 
-def test_all_agents_are_listed(folder):
+def test_all_agents_are_listed():
     lines = run("zoo", "list").splitlines()
     assert lines[0].split() == ["locator", "level", "author", "provenance"]
     assert {*AGENTS} <= {line.split()[0] for line in lines[1:]}
 
 
-def test_an_agent_is_described():
+def test_an_agent_is_described(folder):
     text = run("zoo", "describe", "idm-v0")
     assert "M-level: M0" in text
     assert "option tau: 1.2" in text
     assert "option poses: needed" in run("zoo", "describe", "trajectory-v0")
-
-
-def test_a_folder_is_added(folder, tmp_path):
-    assert "added added-v0" in run("zoo", "add", folder)
-    assert "added-v0" in run("zoo", "list")
-    assert "option tau: 0.9" in run("zoo", "describe", "added-v0")
-    assert str(folder) in (tmp_path / "zoo.yaml").read_text()
-    folder.rename(tmp_path / "elsewhere")
-    assert f"missing: {folder}" in run("zoo", "list")
-    with raises(SmartsError, folder):
-        run("zoo", "describe", "added-v0")
-    assert "removed added-v0" in run("zoo", "remove", "added-v0")
-    assert "added-v0" not in (tmp_path / "zoo.yaml").read_text()
+    assert "option tau: 0.9" in run("zoo", "describe", "cli_zoo:added-v0", "--import", folder)
 
 
 def test_bad_input_is_named(folder):
@@ -63,8 +49,6 @@ def test_bad_input_is_named(folder):
         (("test", "idm-v0", "--set", "tau"), SmartsError),
         (("test", "idm-v0", "--set", "tua=1"), SmartsError),
         (("test", "trajectory-v0"), SmartsError),
-        (("add", folder / "nowhere"), SmartsError),
-        (("remove", "idm-v0"), UnknownNameError),
         (("kit", "--out", folder / "__init__.py"), SmartsError),
     ):
         with pytest.raises(error):

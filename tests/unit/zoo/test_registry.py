@@ -5,12 +5,11 @@ import textwrap
 import pytest
 
 from smarts.agents.interface import AgentInterface
-from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError
 from smarts.registry import import_own
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import entries, find_entry, make, make_agent, make_spec, registry, search
-from smarts.zoo.registry import add_folder, build_agent
+from smarts.zoo.registry import build_agent
 from tests.raising import raises
 
 MODULE = """
@@ -131,24 +130,6 @@ def test_two_modules_may_use_one_name(tmp_path):
     with pytest.raises(UnknownNameError) as caught:
         make_spec("class-v1")
     assert "zoo_one:class-v1" in caught.value.remedy
-
-
-def test_a_folder_is_added_for_later_processes(tmp_path, monkeypatch):
-    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "config" / "zoo.yaml"))
-    folder = tmp_path / "added_zoo"
-    folder.mkdir()
-    agent = "\nregister('added-v0', Stopped, author='me', licence='MIT')\n"
-    (folder / "__init__.py").write_text(MODULE.split("\n\ndef stopped")[0] + agent)
-    assert [entry.name for entry in add_folder(folder)] == ["added-v0"]
-    listed = {entry.locator: entry for entry in entries()}["added-v0"]
-    assert (listed.author, listed.licence, listed.folder) == ("me", "MIT", str(folder))
-    assert isinstance(make_spec("added-v0"), AgentSpec)
-
-
-def test_a_folder_without_an_agent(tmp_path):
-    (tmp_path / "empty_zoo").mkdir()
-    with pytest.raises(SmartsError, match="registers no agent"):
-        add_folder(tmp_path / "empty_zoo")
 
 
 def test_modules_beside_a_scenario_are_found_by_their_path(tmp_path):
