@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from smarts.registry import Registry
+from smarts.types.recorded import RecordedTraffic
 
 DEFAULT_ENGINE = "SUMO"
 """The engine of scenarios that name none."""
@@ -27,6 +28,7 @@ TRAFFIC_ENGINES = Registry(
     {
         "SUMO": "smarts.providers.sumo_engine:SumoEngine",
         "Native": "smarts.providers.native.engine:Native",
+        "Recorded": "smarts.providers.recorded.engine:Recorded",
     },
     _adopt,
 )
@@ -50,6 +52,8 @@ class TrafficFiles:
     """Further options of SUMO, such as "begin", from which `warm_up` counts [s]."""
     reaction_time: float | None = 0.0
     """The longest of any of its drivers [s]; 0: all decide in every step; None: unknown, as of own files."""
+    recording: RecordedTraffic | None = None
+    """What the engine Recorded drives; the other engines drive the files."""
 
 
 class Signal(enum.IntEnum):

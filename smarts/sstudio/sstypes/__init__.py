@@ -41,6 +41,7 @@ from smarts.sstudio.sstypes.mission import LapMission as LapMission
 from smarts.sstudio.sstypes.mission import Mission as Mission
 from smarts.sstudio.sstypes.mission import UTurn as UTurn
 from smarts.sstudio.sstypes.mission import Via as Via
+from smarts.sstudio.sstypes.recording import Recording as Recording
 from smarts.sstudio.sstypes.route import JunctionEdgeIDResolver as JunctionEdgeIDResolver
 from smarts.sstudio.sstypes.route import RandomRoute as RandomRoute
 from smarts.sstudio.sstypes.route import Route as Route

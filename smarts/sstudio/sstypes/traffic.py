@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from smarts.sstudio.sstypes.actor.traffic_actor import TrafficActor
 from smarts.sstudio.sstypes.identity import Described
+from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.route import RandomRoute, Route
 
 
@@ -99,7 +100,8 @@ class Traffic(Described):
     trips: Sequence[Trip] | None = None
     """Single vehicles."""
     engine: str = "SUMO"
-    """The traffic engine: "SUMO", "Native", or "SMARTS", for which SUMO stands in so far."""
+    """The traffic engine: "SUMO", "Native", "Recorded" for a `recording`, or "SMARTS", for which SUMO stands in
+    so far."""
     warm_up: float = 0.0
     """Simulated before an episode [s]; times of flows and trips count from its begin (an extension)."""
     seed: int | None = None
@@ -112,3 +114,5 @@ class Traffic(Described):
     sumo_options: Mapping[str, str] = field(default_factory=dict)
     """Options of SUMO: "begin" [s], before which no vehicle departs and from which `warm_up` counts, "scale",
     "ignore-route-errors", "max-depart-delay" [s], "random-depart-offset" [s] (an extension)."""
+    recording: Recording | None = None
+    """Vehicles that were recorded, instead of flows and trips, for the engine "Recorded" (an extension)."""

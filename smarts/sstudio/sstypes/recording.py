@@ -1,0 +1,23 @@
+"""Recorded traffic as a variation of a scenario's traffic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smarts.sstudio.sstypes.identity import Described
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(Described):
+    """What `Traffic(flows=[], engine="Recorded", recording=...)` drives (an extension)."""
+
+    source: str
+    """The folder that `smarts-bench data import` wrote, from the scenario's folder."""
+    mode: str = "reactive"
+    """"log": exactly as recorded; "reactive": as recorded until something is in a vehicle's way."""
+    begin: float = 0.0
+    """What was recorded before is not used [s]."""
+    end: float | None = None
+    """What was recorded after is not used [s]; None: up to the recording's end."""
+    window: float | None = None
+    """Length of an episode's part of it, which begins at a random time [s]; None: all of it."""

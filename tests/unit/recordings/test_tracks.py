@@ -1,0 +1,71 @@
+"""The files of recordings."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from smarts.recordings.tracks import SAMPLE, TRACKS, RecordingError, Signals, read_tracks, write_tracks
+from smarts.types.vehicles import VehicleKind
+from tests.tracks import straight, track_of, tracks_of
+
+
+@pytest.fixture
+def tracks():
+    truck = straight("late", 1.0, 2.0, 5.0, 0.0, 8.0, kind=VehicleKind.TRUCK, length=12.5, width=2.5)
+    return tracks_of([truck, ("early", [(0.0, 1.5, 2.0, 0.5, 4.0), (0.25, 2.5, 2.0, 0.5, 4.0)])])
+
+
+def test_a_recording_is_read_as_it_was_written(tracks, tmp_path):
+    write_tracks(tracks, tmp_path)
+    read = read_tracks(tmp_path)
+    assert read.names == ("early", "late")
+    assert read.facts == tracks.facts
+    for name in ("kind", "length", "width", "start", *SAMPLE):
+        assert np.array_equal(getattr(read, name), getattr(tracks, name)), name
+
+
+def test_signals_are_kept(tracks, tmp_path):
+    signals = Signals(np.array([0.0, 3.5]), ("in_0", "in_1"), np.array([1, 3], np.int8))
+    write_tracks(tracks_of([straight("a", 0.0, 1.0, 0.0, 0.0, 5.0)]), tmp_path / "none")
+    assert read_tracks(tmp_path / "none").signals is None
+    object.__setattr__(tracks, "signals", signals)
+    write_tracks(tracks, tmp_path)
+    found = read_tracks(tmp_path).signals
+    assert found.lane == signals.lane
+    assert found.t.tolist() == [0.0, 3.5]
+    assert found.signal.tolist() == [1, 3]
+
+
+def without(column):
+    return lambda table: table.drop_columns([column])
+
+
+def of_format(text):
+    return lambda table: table.replace_schema_metadata({"format": text})
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (without("width"), "no column 'width'"),
+        (of_format("smarts-recording 2"), "'smarts-recording 2'"),
+        (lambda table: table.take([1, 0, *range(2, len(table))]), "times do not rise"),
+        (lambda table: table.take([0, 2, 1]), "not side by side"),
+    ],
+)
+def test_other_files_are_refused(tracks, tmp_path, change, problem):
+    write_tracks(tracks, tmp_path)
+    pq.write_table(change(pq.read_table(tmp_path / TRACKS)), tmp_path / TRACKS)
+    with pytest.raises(RecordingError, match=problem):
+        read_tracks(tmp_path)
+
+
+def test_numbers_that_are_not_finite_are_refused(tmp_path):
+    write_tracks(tracks_of([track_of("a", [(0.0, np.nan, 0, 0, 0), (1.0, 0, 0, 0, 0)])]), tmp_path)
+    with pytest.raises(RecordingError, match="not finite"):
+        read_tracks(tmp_path)
+
+
+def test_a_folder_without_a_recording_is_named(tmp_path):
+    with pytest.raises(RecordingError, match=r"there is no recording.*tracks\.parquet"):
+        read_tracks(tmp_path)
