@@ -20,4 +20,4 @@ class Recording(Described):
     end: float | None = None
     """What was recorded after is not used [s]; None: up to the recording's end."""
     window: float | None = None
-    """Length of an episode's part of it, which begins at a random time [s]; None: all of it."""
+    """Episodes begin at random times, at least so long before the recording's end [s]; None: at `begin`."""
