@@ -23,6 +23,6 @@ class RecordedTraffic:
     """The latest time at which episodes begin."""
 
     def drawn(self, share: float) -> RecordedTraffic:
-        """Return the recording of one episode, which begins at a share in [0, 1) of the times from `begin`."""
+        """Return the recording of an episode that begins at a share, in [0, 1), of the possible times."""
         begin = self.begin + share * (self.latest - self.begin)
         return replace(self, begin=begin, latest=begin)
