@@ -100,8 +100,8 @@ class Traffic(Described):
     trips: Sequence[Trip] | None = None
     """Single vehicles."""
     engine: str = "SUMO"
-    """The traffic engine: "SUMO", "Native", "Recorded" for a `recording`, or "SMARTS", for which SUMO stands in
-    so far."""
+    """The traffic engine: "SUMO", "Native", "Recorded" for a `recording`, or "SMARTS", for which SUMO stands
+    in so far."""
     warm_up: float = 0.0
     """Simulated before an episode [s]; times of flows and trips count from its begin (an extension)."""
     seed: int | None = None
