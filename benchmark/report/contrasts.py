@@ -75,6 +75,7 @@ def contrasts_of(report: Report) -> list[Contrast]:
         return []
     none = np.zeros(0)
     values = _of_seeds(table[table["mode"] == report.modes[0]], given)
+    values = {key: each for key, each in values.items() if (key[2], *key[:2]) not in report.unlike}
     return [
         Contrast(
             first, second, place, (values.get((*place, first), none), values.get((*place, second), none))

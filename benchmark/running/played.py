@@ -111,7 +111,9 @@ def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:
     plans = built.with_traffic([task_setting.traffic]).episodes(environment.mission_count)
     if not environment.social_agents:
         plans = [replace(plan, spare=()) for plan in plans]
+    drawn = [plan.drawn.fingerprint(16) for plan in plans if plan.drawn is not None]
+    plans = [replace(plan, drawn=None) for plan in plans]
     described = [encode(plan) for plan in plans], encode(scenario.start_variation)
     bubbles = [encode(scenario.bubbles)] if scenario.bubbles else []
     options = [encode(dict(files.options))] if files.options else []
-    return digest([contents, files.warm_up, *described, *bubbles, *options], size=8)
+    return digest([contents, files.warm_up, *described, *bubbles, *options, *drawn], size=8)
