@@ -41,6 +41,8 @@ from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.service import WrongActionsError, checked_actions
 
 TRAFFIC = "random_social_vehicles"
+MOST_NOTES = 4
+"""Changes since a training that are told one by one."""
 
 
 def evaluate_agent(
@@ -354,8 +356,11 @@ def evaluate_checkpoint(
     is_alike = task_setting.traffic == trained.task_setting.traffic and agents is None
     build_played(task.tested_on)
     scenarios_now = tested_digests(task_setting) if is_alike else {}
-    for what in changes_since(folder, trained.content(), scenarios_now):
+    changed = changes_since(folder, trained.content(), scenarios_now)
+    for what in changed[:MOST_NOTES]:
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
+    if more := changed[MOST_NOTES:]:
+        print(f"note: {path}: {len(more)} more have changed", file=sys.stderr)
     kept = folder.kept(checkpoint)
     with new_folder(out) as answer, named_own_code("the run's own code"):
         policies = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import ray
@@ -119,7 +120,7 @@ def check_task_settings(experiment: Experiment) -> None:
         others = [(name, None) for name in task.validated_on]
         others += [(name, each.traffic) for each in task.test for name in each.scenarios]
         scenarios = []
-        for name, other in trained + others:
+        for name, other in dict.fromkeys(trained + others):
             traffic = other or task_setting.traffic
             built = build_scenario(name, egos=egos).with_traffic([traffic])
             built.episodes(egos)
@@ -141,14 +142,15 @@ def check_unseen(task: TrainingTask) -> None:
     Raises:
         SmartsError: The first such map; the error names both scenarios.
     """
-    trained = {_net_of(name): name for name in task.trained_on}
-    known = {_net_of(name): name for name in task.validated_on} | trained
+    net_of = cache(_net_of)
+    trained = {net_of(name): name for name in task.trained_on}
+    known = {net_of(name): name for name in task.validated_on} | trained
     unseen = [(f"the test {each.name!r}", each.scenarios, known) for each in task.test if not each.seen]
     if task.validation:
         unseen.append(("the validation", tuple(task.validated_on), trained))
     for what, names, others in unseen:
         for name in names:
-            if seen := others.get(_net_of(name)):
+            if seen := others.get(net_of(name)):
                 use = "training" if seen in task.trained_on else "validation"
                 raise SmartsError(
                     f"{what} plays {name!r}, whose map is in {use} as {seen!r}",
