@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
 from benchmark.cli import (
+    data,
     doctor,
     experiments,
     lists,
@@ -58,6 +59,7 @@ app.command()(lists.algorithms)
 app.command()(lists.settings)
 app.command()(lists.schema)
 app.add_typer(scenario.app, name="scenario")
+app.add_typer(data.app, name="data")
 app.add_typer(zoo.app, name="zoo")
 app.command()(zoo.export)
 app.command()(zoo.serve)

@@ -14,9 +14,10 @@ from smarts.errors import MapError
 from smarts.roads.converter_messages import ConverterMessages
 from smarts.roads.dropped import dropped_parts, tapering_lanes
 from smarts.roads.foreign import mended_opendrive
+from smarts.roads.lanelets import LANELET_MAPS, plain_xml
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
-from smarts.roads.sources import MapKind, MapSource
+from smarts.roads.sources import MapSource
 from smarts.roads.sumo_tools import run_tool, sumo_folder, try_in_sumo
 from smarts.roads.validation import validate_net
 from smarts.whole_files import written_whole
@@ -25,7 +26,7 @@ from smarts.whole_files import written_whole
 _JUNCTION_DETAIL = {"junctions.internal-link-detail": "20", "junctions.corner-detail": "5"}
 
 # Foreign maps get `output.original-names`, so that the notes can say what was dropped.
-_DEFAULTS: dict[MapKind, dict[str, str]] = {
+_DEFAULTS: dict[str, dict[str, str]] = {
     # Only nets that are built again come here.
     "sumo_net": {
         **_JUNCTION_DETAIL,
@@ -33,11 +34,10 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "no-turnarounds": "true",
         "offset.disable-normalization": "true",
     },
-    "sumo_plain": {
-        **_JUNCTION_DETAIL,
-        "no-turnarounds": "true",
-        # Missions and zones are written in the coordinates of the node file.
-        "offset.disable-normalization": "true",
+    # Missions and zones are written in the coordinates of the source.
+    **{
+        key: {**_JUNCTION_DETAIL, "no-turnarounds": "true", "offset.disable-normalization": "true"}
+        for key in ("sumo_plain", *LANELET_MAPS)
     },
     "netgenerate": {**_JUNCTION_DETAIL, "no-turnarounds": "true"},
     "opendrive": {
@@ -145,6 +145,10 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
         prepared[option] = str(mended)
     if source.kind == "osm":
         prepared["type-files"] = str(write_road_types(sumo_folder(), work))
+    if source.kind in LANELET_MAPS:
+        for part, text in plain_xml(LANELET_MAPS[source.kind](source.files[0])).items():
+            (work / f"map.{part}.xml").write_text(text, encoding="utf-8")
+            prepared[_INPUT_OPTIONS[f".{part}.xml"]] = str(work / f"map.{part}.xml")
     return prepared
 
 
@@ -204,7 +208,7 @@ def _arguments(source: MapSource, prepared: dict[str, str]) -> list[str]:
     """Return the command line: the user's options file, then our choices for what it leaves open."""
     config = source.files[0] if source.kind == "netgenerate" else source.options
     chosen = _configured_options(config) if config else set()
-    files = {} if source.kind == "netgenerate" else _input_files(source)
+    files = {} if source.kind in ("netgenerate", *LANELET_MAPS) else _input_files(source)
     arguments = ["--configuration-file", config.name] if config else []
     for option, value in (files | _COMMON | _DEFAULTS[source.kind] | prepared).items():
         if option in files or option not in chosen:

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 from smarts.errors import MapError
 
-MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm"]
+MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm", "commonroad"]
 
 MAP_STEM = "map"
 """Default stem of a scenario's map files."""
@@ -24,6 +24,7 @@ _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
     "netgenerate": ((".netgcfg",),),
     "opendrive": ((".xodr",),),
     "osm": ((".osm",), (".osm.xml",)),
+    "commonroad": ((".cr.xml",),),
 }
 _PLAIN_EXTRAS = (".con.xml", ".typ.xml", ".tll.xml")
 _OPTIONS = ".netccfg"

@@ -1,0 +1,139 @@
+"""Importing a recording: from a file of any format to a folder, which is a scenario where it can be."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from smarts.recordings.checks import NOT_TRAFFIC, Report, check
+from smarts.recordings.reading import Source, read
+from smarts.recordings.repairs import repaired
+from smarts.recordings.tracks import RecordingError, Tracks, write_tracks
+from smarts.roads.compile import compile_map
+from smarts.roads.sources import MapKind, MapSource, find_map_source
+from smarts.roads.sumo_net import read_net
+from smarts.whole_files import written_whole
+
+LEAST_ON_LANES = 0.9
+"""With a smaller share of its positions on lanes, a recording is not of the map."""
+NET, REPORT, SCRIPT = "map.net.xml", "import.txt", "scenario.py"
+_MARKS: dict[MapKind, re.Pattern[bytes]] = {
+    "commonroad": re.compile(rb"<commonRoad\b"),
+}
+_SCENARIO = '''"""{name}: recorded traffic, imported from {source}. Licence: {licence}."""
+
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+scenario = t.Scenario(traffic={{"recorded": t.Traffic([], engine="Recorded", recording=t.Recording("."))}})
+# To train on the first part and test on the rest: t.Recording(".", end={middle}) above, and in the scenario
+# held_out={{"later": t.Variation("later", traffic={{"recorded": t.Traffic([], engine="Recorded",
+# recording=t.Recording(".", begin={middle}))}})}}
+gen_scenario(scenario, output_dir=Path(__file__).parent)
+'''
+
+
+def import_recording(
+    source: Source,
+    out: Path,
+    *,
+    licence: str,
+    format: str | None = None,
+    attribution: str = "",
+    map_file: Path | None = None,
+    as_recorded: bool = False,
+) -> list[str]:
+    """Write a recording, its map and what there is to say about it to a folder, all of it or nothing.
+
+    Args:
+        source: What to import.
+        out: The folder, new or empty.
+        licence: The licence of the data.
+        format: A name in `READERS`; None: recognised by the file.
+        attribution: Whom to name; "": as the file says.
+        map_file: Its map; None: the source's own, where the format has one.
+        as_recorded: Whether to leave out the repairs.
+
+    Returns:
+        The report, by lines; `import.txt` in the folder holds the same.
+
+    Raises:
+        RecordingError: The source is no recording, has no licence, or is not of this map; or the folder is
+            not empty.
+        MapError: The map is broken.
+    """
+    if not licence.strip():
+        raise RecordingError(
+            "the licence of the data is not named",
+            place=str(source.path),
+            remedy="read it where the data was had, and name it: --licence 'CC BY 4.0'",
+        )
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RecordingError("there is something already", place=str(out), remedy="choose another --out")
+    tracks = read(source, format)
+    said: list[str] = []
+    if not as_recorded:
+        tracks, said = repaired(tracks)
+    with written_whole(out) as folder:
+        folder.mkdir()
+        map_notes = _write_map(_map_source(source.path, tracks.facts["source_format"], map_file), folder)
+        report = check(tracks, read_net(folder / NET) if map_notes is not None else None)
+        if report.on_lanes is not None and report.on_lanes < LEAST_ON_LANES:
+            raise RecordingError(
+                f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
+                place=str(source.path),
+                remedy="give the map of this recording, in the same coordinates",
+            )
+        facts = {"licence": licence.strip(), "is_traffic": str(report.is_traffic).lower()}
+        facts |= {"attribution": attribution} if attribution else {}
+        tracks = replace(tracks, facts={**tracks.facts, **facts})
+        write_tracks(tracks, folder)
+        lines = _lines(tracks, report, said, map_notes)
+        (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        if report.is_traffic and map_notes is not None:
+            middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
+            (folder / SCRIPT).write_text(_SCENARIO.format(**tracks.facts, middle=middle), encoding="utf-8")
+    return lines
+
+
+def _write_map(source: MapSource | None, folder: Path) -> list[str] | None:
+    """Write the compiled map into the folder; return notes on it, None if there is no map."""
+    if source is None:
+        return None
+    notes = compile_map(source, folder / NET)
+    return [*notes.warnings, *notes.remarks]
+
+
+def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:
+    """Return the map that was named, else the recording's own file where it holds one, else None."""
+    if map_file is None:
+        return MapSource("commonroad", (path,)) if format == "CommonRoad" else None
+    if map_file.is_file() and map_file.suffix in (".xml", ".osm"):
+        # Files of these formats are named by what they show: their ending does not tell the format.
+        content = map_file.read_bytes()
+        for kind, mark in _MARKS.items():
+            if mark.search(content):
+                return MapSource(kind, (map_file,))
+    return find_map_source(Path(), str(map_file.absolute()))
+
+
+def _lines(tracks: Tracks, report: Report, repairs: list[str], map_notes: list[str] | None) -> list[str]:
+    """Return the report, the gravest first."""
+    facts = tracks.facts
+    loud = [f"{each.kind.upper()}: {each.text}" for each in report.findings if each.kind == NOT_TRAFFIC]
+    found = [f"found: {each.kind}: {each.text}" for each in report.findings if each.kind != NOT_TRAFFIC]
+    lines = [*loud, f"{facts['name']} ({facts['source_format']}): {report.contents}"]
+    if report.on_lanes is None:
+        lines.append("map: none, so no scenario is written: name it with --map FILE")
+    else:
+        lines.append(f"map: {report.on_lanes:.2%} of the positions lie on its lanes")
+    lines += [f"map: {note}" for note in map_notes or ()]
+    lines += [f"repaired: {each}" for each in repairs]
+    lines += [f"assumed: {facts['assumed']}"] if "assumed" in facts else []
+    lines += [f"left out: {facts['left_out']}"] if "left_out" in facts else []
+    lines += found or ["found: nothing implausible"] * report.is_traffic
+    lines.append("; ".join([f"licence: {facts['licence']}", *filter(None, [facts.get("attribution")])]))
+    return lines

@@ -1,0 +1,51 @@
+"""SUMO's floating car data: `sumo --fcd-output FILE.xml`."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+
+from smarts.geometry.frames import heading_from_compass
+from smarts.recordings.reading import SIZES, Source, left_out, tracks_of_rows
+from smarts.recordings.tracks import RecordingError, Tracks
+from smarts.types.vehicles import VehicleKind
+
+KINDS = {kind.name.lower(): kind for kind in VehicleKind} | {"bicycle": VehicleKind.MOTORCYCLE}
+"""Word in the name of a vehicle's type -> kind; other types are cars."""
+_SAMPLE = ("x", "y", "angle", "speed")
+
+
+def read(source: Source) -> Tracks:
+    """Return the vehicles; the file has no sizes, and the middle of the front bumper.
+
+    Raises:
+        RecordingError: It is not XML, or a vehicle lacks an attribute or has one that is no number.
+    """
+    types: dict[str, str] = {}
+    persons, names, rows = set(), [], []
+    try:
+        for _, step in ElementTree.iterparse(source.path):
+            if step.tag == "timestep":
+                for user in step.iterfind("vehicle"):
+                    types.setdefault(user.attrib["id"], user.get("type", "").lower())
+                    names.append(user.attrib["id"])
+                    rows.append([step.attrib["time"], *(user.attrib[name] for name in _SAMPLE)])
+                persons |= {user.get("id") for user in step.iterfind("person")}
+                step.clear()
+        samples = np.array(rows, float).reshape(-1, 5)
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        problem = f"a vehicle has no {error}" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(problem, place=str(source.path), remedy="write it again with SUMO") from error
+    kinds = {
+        name: next((KINDS[word] for word in KINDS if word in of), VehicleKind.PASSENGER)
+        for name, of in types.items()
+    }
+    half = np.array([SIZES[kinds[name]][0] / 2 for name in names])
+    samples[:, 3] = heading_from_compass(samples[:, 3])
+    samples[:, 1] -= half * np.cos(samples[:, 3])
+    samples[:, 2] -= half * np.sin(samples[:, 3])
+    users = {name: (kind, math.nan, math.nan) for name, kind in kinds.items()}
+    facts = {"assumed": "kinds follow from the names of types", **left_out(["person"] * len(persons))}
+    return tracks_of_rows(names, users, samples, facts)

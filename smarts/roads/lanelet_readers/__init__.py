@@ -1,0 +1,1 @@
+"""Readers of maps of lanelets, one file a format: `read(path: Path) -> list[Lanelet]`."""

@@ -1,0 +1,118 @@
+"""Readers of recorded traffic, on files by hand."""
+
+import sqlite3
+
+import numpy as np
+import pytest
+
+from smarts.recordings.headings import HeadingRule, infer_headings
+from smarts.recordings.reading import READERS, Source, guess_format, read
+from smarts.recordings.tracks import RecordingError
+from smarts.types.vehicles import VehicleKind
+from tests.recording_files import commonroad, exact, obstacle, state, tags
+
+CAR = [(5, 1.0, 2.0, 0.5, 4.0), (6, 1.4, 2.0, 0.5, 4.5)]
+
+
+def shf(path, vehicles=((7, 2, 4.0, 2.0), (8, 3, None, None), (9, 4, 0.5, 0.5)), columns="speed REAL"):
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE Vehicle (id INTEGER, type INTEGER, length REAL, width REAL)")
+        columns = f"vehicle_id, sim_time, position_x, position_y, heading_rad, {columns}"
+        database.execute(f"CREATE TABLE Trajectory ({columns})")
+        database.executemany("INSERT INTO Vehicle VALUES (?, ?, ?, ?)", vehicles)
+        rows = [(8, 2.5, 9, 9, 0, 3), (7, 2.1, 1.5, 2, -np.pi / 2, 5), (7, 2.0, 1, 2, -np.pi / 2, 5)]
+        rows += [(8, 2.6, 9, 9.3, 0, 3), (9, 2.0, 0, 0, 0, 0)]
+        database.executemany("INSERT INTO Trajectory VALUES (?, ?, ?, ?, ?, ?)", rows)
+    database.close()
+    return path
+
+
+def samples(tracks, name):
+    rows = slice(*tracks.start[tracks.names.index(name) :][:2])
+    return np.column_stack([tracks.t, tracks.x, tracks.y, tracks.heading, tracks.speed])[rows]
+
+
+def test_commonroad(tmp_path):
+    circle = "<circle><radius>1.5</radius></circle>"
+    about = tags(intervalStart=6, intervalEnd=8)
+    area = f"<state><time>{about}</time>{tags(position=tags(circle=tags(center=tags(x=3, y=4))))}"
+    area += tags(orientation=tags(intervalStart=-0.2, intervalEnd=0.4), velocity=exact(2)) + "</state>"
+    file = commonroad(
+        tmp_path / "x.xml",
+        obstacle("10", "car", CAR),
+        obstacle("11", "truck", [state(6, 1, 4, 0, 2), area], shape=circle),
+        obstacle("12", "pedestrian", CAR),
+        "<trafficLight/><trafficLight/>",
+        dt=0.2,
+    )
+    tracks = read(Source(file))
+    assert tracks.names == ("10", "11")
+    assert tracks.kind.tolist() == [VehicleKind.PASSENGER, VehicleKind.TRUCK]
+    assert (tracks.length.tolist(), tracks.width.tolist()) == ([4, 3], [2, 3])
+    assert samples(tracks, "10") == pytest.approx(np.array([[0, 1, 2, 0.5, 4], [0.2, 1.4, 2, 0.5, 4.5]]))
+    assert samples(tracks, "11") == pytest.approx(np.array([[0.2, 1, 4, 0, 2], [0.4, 3, 4, 0.1, 2]]))
+    facts = {"name": "X-1", "attribution": "S", "left_out": "traffic light (2), pedestrian (1)"}
+    assert tracks.facts.items() >= (facts | {"time_step": "0.2", "duration": "0.4"}).items()
+
+
+def test_histories_of_smarts_2(tmp_path):
+    tracks = read(Source(shf(tmp_path / "x.shf")))
+    assert tracks.names == ("7", "8")
+    assert samples(tracks, "7") == pytest.approx(np.array([[0, 1, 2, 0, 5], [0.1, 1.5, 2, 0, 5]]))
+    assert samples(tracks, "8")[:, 3] == pytest.approx(np.pi / 2)
+    assert tracks.length.tolist() == [4.0, 7.1]
+    assert tracks.facts["left_out"] == "pedestrian or bicycle (1)"
+    assert tracks.facts["assumed"] == "1 of 2 vehicles have sizes usual for their kinds"
+
+
+def written(name, text=""):
+    return lambda folder: (folder / name).write_text(text) and folder / name
+
+
+MISTAKES = {
+    "no such file": (lambda folder: folder / "x.shf", "there is no such file"),
+    "another file": (written("x.docx", "x"), "no recording of a known format"),
+    "other XML": (written("x.xml", "<net/>"), "no recording of a known format"),
+    "cut off": (written("x.xml", "<commonRoad>"), "not XML"),
+    "another version": (lambda folder: commonroad(folder / "x.xml", version="2018b"), "'2018b'"),
+    "no time": (
+        lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", ["<state></state>"])),
+        "obstacle '3' has no <time>",
+    ),
+    "not a number": (
+        lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", [CAR[0], (6, "nan", 0, 0, 0)])),
+        "no numbers",
+    ),
+    "nobody": (lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", CAR[:1])), "no vehicle"),
+    "twice": (
+        lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", [*CAR, CAR[1]])),
+        "at one time",
+    ),
+    "missing column": (lambda folder: shf(folder / "x.shf", columns="pace REAL"), "no such column: speed"),
+    "no database": (written("x.shf", "x" * 200), "not a database"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_is_no_recording_is_refused(mistake, tmp_path):
+    make, problem = MISTAKES[mistake]
+    with pytest.raises(RecordingError, match=problem):
+        read(Source(make(tmp_path)))
+
+
+def test_each_format_is_recognised_and_has_a_reader(tmp_path):
+    assert guess_format(shf(tmp_path / "x.shf")) == "SHF"
+    assert guess_format(commonroad(tmp_path / "x.xml")) == "CommonRoad"
+    assert all(callable(READERS[name]) for name in READERS)
+
+
+def test_headings_follow_from_positions():
+    """A vehicle drives east at 5 m/s, stands while its position scatters, and drives north."""
+    t = np.arange(0.0, 4.0, 0.5)
+    x = np.array([0, 2.5, 5, 5.1, 4.9, 5.0, 5.0, 5.0])
+    y = np.array([0, 0.0, 0, 0.1, 0.2, 0.0, 2.5, 5.0])
+    rule = HeadingRule(window=1)
+    assert infer_headings(t, x, y, rule) == pytest.approx(np.array([0, 0, 0, 0, 0, *[np.pi / 2] * 3]))
+    slow = infer_headings(t, x, y, HeadingRule(window=1, max_turn=1.0))
+    assert slow == pytest.approx(np.array([0, 0, 0, 0, 0, 0.5, 1.0, 1.5]))
+    assert infer_headings(t, 0 * t, 0 * t, HeadingRule(default=2.0)) == pytest.approx(2.0)
