@@ -94,7 +94,7 @@ def read(source: Source, format: str | None = None) -> Tracks:
 
 def _problem(tracks: Tracks, steps: Floats) -> str:
     """Return what is wrong with what a reader returned, "" if nothing is."""
-    if not (np.abs(np.concatenate([tracks.t, tracks.x, tracks.y])) < FARTHEST).all():
+    if not (np.isfinite(tracks.t) & (np.maximum(np.abs(tracks.x), np.abs(tracks.y)) < FARTHEST)).all():
         return f"it has times or positions that are no numbers, or beyond {FARTHEST:.0e}"
     if not len(steps):
         return "it has no vehicle with two samples or more"

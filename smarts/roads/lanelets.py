@@ -7,7 +7,7 @@ the bounds. netconvert gives the junctions their lanes, right of way and outline
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -52,8 +52,8 @@ class Lanelet:
 def plain_xml(lanelets: Sequence[Lanelet]) -> dict[str, str]:
     """Return the texts of SUMO's node, edge and connection files: "nod", "edg", "con".
 
-    Neighbours make an edge, `road-A-B-C` from right to left. A lanelet inside a junction that crosses
-    another is drawn as a connection, so that their traffic conflicts; all others are edges.
+    Neighbours make an edge, `road-A-B-C` from right to left. Those in a junction where lanelets cross become
+    connections, so that their traffic conflicts.
     """
     network = _Network(lanelets)
     files = {"nod": network.nodes(), "edg": network.edges(), "con": network.connections()}
@@ -72,9 +72,9 @@ class _Turn(NamedTuple):
     """A connection from a lanelet to another."""
 
     source: str
+    inside: tuple[str, ...]
+    """The lanelets inside the junction that it is drawn as."""
     target: str
-    via: str
-    """The lanelet inside the junction that it is drawn as, the target if there is none."""
 
 
 class _Network:
@@ -84,55 +84,81 @@ class _Network:
         self.by_id = {each.id: each for each in lanelets}
         self.lines = {each.id: _centreline(each) for each in lanelets}
         self.widths = {each.id: _width(each) for each in lanelets}
-        pairs = self._crossing()
-        crossing = {one for pair in pairs for one in pair}
-        # Edge -> its lanelets, from right to left.
-        groups: dict[str, list[str]] = {}
-        beside = {each.left_neighbour for each in lanelets}
-        for first in (each.id for each in lanelets if each.id not in crossing | beside):
-            group = [first]
-            while self.by_id[group[-1]].left_neighbour:
-                group.append(self.by_id[group[-1]].left_neighbour)
-            groups[f"road-{'-'.join(group)}"] = group
-        self.groups = groups
-        self.lanes = {name: _Lane(edge, k) for edge in groups for k, name in enumerate(groups[edge])}
-        self.turns = [
-            _Turn(source, target, via)
-            for source in self.lanes
-            for via in self.by_id[source].successors
-            for target in (self.by_id[via].successors if via in crossing else (via,))
-        ]
-        self.node_of = self._joined_ends(pairs)
-
-    def _crossing(self) -> list[tuple[str, str]]:
-        """Return the pairs of lanelets that become connections.
-
-        They are single, lead from an edge to an edge, and cross each other but come from elsewhere. That a
-        map calls a lanelet part of a junction is not enough: ramps are called so, too, and netconvert bends
-        connections.
-        """
-        before: dict[str, set[str]] = {name: set() for name in self.by_id}
-        for each in self.by_id.values():
+        self.before: dict[str, set[str]] = {each.id: set() for each in lanelets}
+        for each in lanelets:
             for target in each.successors:
-                before[target].add(each.id)
-        beside = {each.left_neighbour for each in self.by_id.values()}
-        single = {
-            each.id
-            for each in self.by_id.values()
-            if each.inside and not each.left_neighbour and each.id not in beside
-            if each.successors and before[each.id]
-            if not any(self.by_id[other].inside for other in (*each.successors, *before[each.id]))
-        }
-        names = list(self.by_id)
-        shapes = [shapely.LineString(self.lines[name]) for name in names]
-        pairs = shapely.STRtree(shapes).query(shapes, predicate="crosses").T
-        crossing = ((names[one], names[other]) for one, other in pairs)
-        return [
-            pair for pair in crossing if single.issuperset(pair) and not before[pair[0]] & before[pair[1]]
-        ]
+                self.before[target].add(each.id)
+        self.inside: set[str] = set()
+        """Lanelets that become connections."""
+        roads = self._roads()
+        found = self._crossing()
+        while True:
+            # Where one lanelet of a road is inside a junction, all are.
+            self.inside |= {name for road in roads if not found.isdisjoint(road) for name in road}
+            self._connect([road for road in roads if self.inside.isdisjoint(road)])
+            if not (found := self._swallowed()):
+                break
 
-    def _joined_ends(self, crossing: Sequence[tuple[str, str]]) -> dict[tuple[str, int], str]:
-        """Return the node of each end of each edge, (edge, 0) and (edge, -1): turns and crossings join ends."""
+    def _roads(self) -> list[list[str]]:
+        """Return the lanelets that lie side by side, each time from right to left."""
+        beside = {each.left_neighbour for each in self.by_id.values()}
+        roads = [[name] for name in self.by_id if name not in beside]
+        for road in roads:
+            while self.by_id[road[-1]].left_neighbour:
+                road.append(self.by_id[road[-1]].left_neighbour)
+        return roads
+
+    def _is_between(self, name: str) -> bool:
+        return bool(self.before[name] and self.by_id[name].successors)
+
+    def _crossing(self) -> set[str]:
+        """Return the lanelets that cross another one in a junction.
+
+        Both come from elsewhere, and are, or follow, what the map calls part of a junction: bridges cross
+        roads as well. To be called so is not enough: ramps are, too.
+        """
+        called = {name for name, each in self.by_id.items() if each.inside}
+        names = [
+            name for name in self.by_id if called & {name, *self.before[name]} and self._is_between(name)
+        ]
+        pairs = ((names[one], names[other]) for one, other in self._cross(names))
+        return {one for one, other in pairs if not self.before[one] & self.before[other]}
+
+    def _cross(self, names: Sequence[str]) -> list[tuple[int, int]]:
+        """Return the pairs of lanelets whose centrelines cross, by their place among `names`."""
+        shapes = np.array([shapely.LineString(self.lines[name]) for name in names], object)
+        return shapely.STRtree(shapes).query(shapes, predicate="crosses").T.tolist()
+
+    def _connect(self, roads: Sequence[list[str]]) -> None:
+        """Make edges of roads, and connect them."""
+        self.groups = {f"road-{'-'.join(road)}": road for road in roads}
+        self.lanes = {
+            name: _Lane(edge, k) for edge, road in self.groups.items() for k, name in enumerate(road)
+        }
+        self.turns = [_Turn(name, *way) for name in self.lanes for way in self._ways(name)]
+        self.node_of = self._joined_ends()
+        mouths: dict[str, list[Floats]] = {}
+        for (edge, end), node in self.node_of.items():
+            for name in self.groups[edge]:
+                line = self.lines[name][:: 1 if end == 0 else -1]
+                mouths.setdefault(node, []).append(_mouth(line, self.widths[name]))
+        self.outlines = {
+            node: shapely.MultiPoint(np.concatenate(each)).convex_hull for node, each in mouths.items()
+        }
+
+    def _ways(self, name: str) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Yield the lanelets inside a junction on each way from a lanelet, and the one that it leads to."""
+        for after in self.by_id[name].successors:
+            if after in self.inside:
+                yield from (((after, *inside), target) for inside, target in self._ways(after))
+            else:
+                yield (), after
+
+    def _joined_ends(self) -> dict[tuple[str, int], str]:
+        """Return the node of each end of each edge, (edge, 0) and (edge, -1).
+
+        Ends that a turn joins share a node, as do those of turns whose lanelets cross.
+        """
         over = {(edge, end): (edge, end) for edge in self.groups for end in (0, -1)}
 
         def top(end: tuple[str, int]) -> tuple[str, int]:
@@ -140,28 +166,36 @@ class _Network:
                 end = over[end]
             return end
 
-        end_before = {via: (self.lanes[source].edge, -1) for source, _, via in self.turns}
-        joined = [((self.lanes[source].edge, -1), (self.lanes[to].edge, 0)) for source, to, _ in self.turns]
-        for one, other in joined + [(end_before[one], end_before[other]) for one, other in crossing]:
+        begin = {name: (lane.edge, 0) for name, lane in self.lanes.items()}
+        end = {name: (lane.edge, -1) for name, lane in self.lanes.items()}
+        steps = [(turn.source, step) for turn in self.turns for step in turn.inside]
+        joined = [(end[turn.source], begin[turn.target]) for turn in self.turns]
+        for one, other in self._cross([step for _, step in steps]):
+            joined.append((end[steps[one][0]], end[steps[other][0]]))
+        for one, other in joined:
             over[top(one)] = top(other)
         names: dict[tuple[str, int], str] = {}
-        return {end: names.setdefault(top(end), f"node-{len(names)}") for end in over}
+        return {each: names.setdefault(top(each), f"node-{len(names)}") for each in over}
+
+    def _swallowed(self) -> set[str]:
+        """Return the lanelets that lie for the most part in a junction that they are joined to."""
+        return {
+            name
+            for (edge, _), node in self.node_of.items()
+            for name in filter(self._is_between, self.groups[edge])
+            if (line := shapely.LineString(self.lines[name])).intersection(self.outlines[node]).length
+            > line.length / 2
+        }
 
     def nodes(self) -> Element:
-        """Return the nodes, each the hull of the ends of its lanes, dead ends without area."""
-        corners: dict[str, list[Floats]] = {}
-        for (edge, end), node in self.node_of.items():
-            for name in self.groups[edge]:
-                line = self.lines[name][:: 1 if end == 0 else -1]
-                corners.setdefault(node, []).append(_mouth(line, self.widths[name]))
-        counts = Counter(self.node_of.values())
+        """Return the nodes; dead ends have no area, so that their roads are as long as the lanelets."""
         root = Element("nodes")
-        for node, mouths in corners.items():
-            x, y = np.mean([mouth[:2] for mouth in mouths], axis=(0, 1))
+        counts = Counter(self.node_of.values())
+        places = {node: self.lines[self.groups[edge][0]][end] for (edge, end), node in self.node_of.items()}
+        for node, (x, y) in places.items():
             element = SubElement(root, "node", id=node, x=f"{x:.3f}", y=f"{y:.3f}")
             if counts[node] > 1:
-                outline = shapely.MultiPoint(np.concatenate(mouths)).convex_hull
-                element.set("shape", _shape(np.array(outline.exterior.coords)[:-1]))
+                element.set("shape", _shape(shapely.get_coordinates(self.outlines[node])[:-1]))
         return root
 
     def edges(self) -> Element:
@@ -171,25 +205,33 @@ class _Network:
             ends = {"from": self.node_of[edge, 0], "to": self.node_of[edge, -1]}
             element = SubElement(root, "edge", ends, id=edge, numLanes=str(len(group)))
             for index, name in enumerate(group):
+                lanelet = self.by_id[name]
                 lane = SubElement(element, "lane", index=str(index), shape=_shape(self.lines[name]))
-                lane.set("width", f"{self.widths[name]:.2f}")
-                lane.set("speed", f"{self.by_id[name].speed:.3f}")
-                if self.by_id[name].kind in _ALLOW:
-                    lane.set("allow", _ALLOW[self.by_id[name].kind])
+                lane.attrib.update(width=f"{self.widths[name]:.2f}", speed=f"{lanelet.speed:.3f}")
+                if lanelet.kind in _ALLOW:
+                    lane.set("allow", _ALLOW[lanelet.kind])
         return root
 
     def connections(self) -> Element:
-        """Return the connections; those by way of a lanelet have its shape."""
+        """Return the connections, which have the shape of all that lies in the outline of their node."""
         root = Element("connections")
-        for source, target, via in self.turns:
+        for source, inside, target in self.turns:
             (edge, lane), (edge2, lane2) = self.lanes[source], self.lanes[target]
+            outline = self.outlines[self.node_of[edge, -1]]
+            parts = [
+                _part_in(outline, self.lines[source], -1),
+                *(self.lines[name] for name in inside),
+                _part_in(outline, self.lines[target], 0),
+            ]
             ends = {"from": edge, "to": edge2, "fromLane": str(lane), "toLane": str(lane2)}
-            connection = SubElement(root, "connection", ends)
-            if via != target:
-                # It begins and ends on the lanes that it joins.
-                parts = (self.lines[source][-1:], self.lines[via][1:-1], self.lines[target][:1])
-                connection.set("shape", _shape(np.vstack(parts)))
+            SubElement(root, "connection", ends, shape=_shape(without_repeats(np.vstack(parts))))
         return root
+
+
+def _part_in(outline: shapely.Polygon, line: Floats, which: int) -> Floats:
+    """Return the first (0) or last (-1) part of a line that lies in an outline."""
+    parts = shapely.get_parts(shapely.LineString(line).intersection(outline))
+    return shapely.get_coordinates(parts[which]) if len(parts) else line[[which]]
 
 
 def _centreline(lanelet: Lanelet) -> Floats:

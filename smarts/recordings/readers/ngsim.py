@@ -34,9 +34,9 @@ def read(source: Source) -> Tracks:
             place=str(source.path),
             remedy="give the text file of one place and time, as it is in the data set's archives",
         ) from error
-    tracks = []
+    tracks, first = [], table[3].min()
     for vehicle, rows in table.rename(columns=COLUMNS).sort_values("ms").groupby("vehicle"):
-        t = rows["ms"].to_numpy() / 1000
+        t = (rows["ms"].to_numpy() - first) / 1000
         x, y, length, width, speed = rows[["x", "y", "length", "width", "speed"]].to_numpy().T * FOOT
         heading = infer_headings(t, x, y, source.headings)
         x, y = x - length / 2 * np.cos(heading), y - length / 2 * np.sin(heading)

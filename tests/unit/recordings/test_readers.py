@@ -3,6 +3,7 @@
 import sqlite3
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from smarts.recordings.headings import HeadingRule, infer_headings
@@ -65,6 +66,58 @@ def test_histories_of_smarts_2(tmp_path):
     assert tracks.facts["assumed"] == "1 of 2 vehicles have sizes usual for their kinds"
 
 
+def test_text_of_ngsim(tmp_path):
+    """A car and a truck drive along y at 30 and 20 ft/s; positions are those of front bumpers."""
+    rows = []
+    for vehicle, first, speed, size, kind in ((2, 0, 30.0, (15, 6), 2), (5, 1, 20.0, (40, 8), 3)):
+        for frame in range(first, 5):
+            position = (20.0, 100.0 + speed * 0.1 * (frame - first))
+            millis = 1113433136100 + 100 * frame
+            row = (vehicle, frame, 5 - first, millis, *position, 0, 0, *size, kind, speed, 0, 3, 0, 0, 0, 0)
+            rows.append(" ".join(map(str, row)))
+    (tmp_path / "trajectories-0400-0415.txt").write_text("\n".join(rows))
+    tracks = read(Source(tmp_path / "trajectories-0400-0415.txt"))
+    assert (tracks.names, tracks.kind.tolist()) == (("2", "5"), [VehicleKind.PASSENGER, VehicleKind.TRUCK])
+    foot = 0.3048
+    assert samples(tracks, "2")[1] == pytest.approx([0.1, 20 * foot, 95.5 * foot, np.pi / 2, 30 * foot])
+    assert samples(tracks, "5")[0] == pytest.approx([0.1, 20 * foot, 80 * foot, np.pi / 2, 20 * foot])
+    assert (tracks.length / foot).tolist() == pytest.approx([15, 40])
+
+
+def test_floating_car_data_of_sumo(tmp_path):
+    """A car (5 m) drives east, a truck (7.1 m) north."""
+    steps = "".join(
+        f'<timestep time="{t}"><vehicle id="a" x="{5 + t * 10}" y="2" angle="90" type="slow" speed="10"/>'
+        f'<vehicle id="b" x="1" y="{8 + t * 5}" angle="0" type="my_truck" speed="5"/><person id="p" x="0"/>'
+        "</timestep>"
+        for t in (7.0, 7.5, 8.0)
+    )
+    (tmp_path / "out.xml").write_text(f"<fcd-export>{steps}</fcd-export>")
+    tracks = read(Source(tmp_path / "out.xml"))
+    assert samples(tracks, "a")[1] == pytest.approx([0.5, 80 - 2.5, 2, 0, 10])
+    assert samples(tracks, "b")[2] == pytest.approx([1.0, 1, 48 - 3.55, np.pi / 2, 5])
+    assert tracks.length.tolist() == [5.0, 7.1]
+    assert tracks.facts["left_out"] == "person (1)"
+
+
+def test_own_episodes(tmp_path):
+    """Two vehicles used the same slot one after another."""
+    columns = {"kind": 0, "length": 4.0, "width": 2.0, "heading": 0.25, "speed": 3.0}
+    rows = [(0, 1, 0, 1.0), (1, 1, 0, 1.3), (1, 1, 1, 9.0), (2, 1, 1, 9.3)]
+    vehicles = pd.DataFrame(rows, columns=["step", "slot", "generation", "x"]).assign(y=2.0, **columns)
+    vehicles.to_parquet(tmp_path / "vehicles.parquet")
+    names = pd.DataFrame({"slot": 1, "generation": [0, 1], "name": ["early", "late"]})
+    names.to_parquet(tmp_path / "names.parquet")
+    pd.DataFrame({"dt": [0.1], "scenario": ["loop"]}).to_parquet(tmp_path / "episode.parquet")
+    tracks = read(Source(tmp_path))
+    assert tracks.names == ("early", "late")
+    assert samples(tracks, "late") == pytest.approx(np.array([[0.1, 9, 2, 0.25, 3], [0.2, 9.3, 2, 0.25, 3]]))
+    assert tracks.facts["name"] == "loop"
+    names.drop(columns="name").to_parquet(tmp_path / "names.parquet")
+    with pytest.raises(RecordingError, match=r"names\.parquet: .*name"):
+        read(Source(tmp_path))
+
+
 def written(name, text=""):
     return lambda folder: (folder / name).write_text(text) and folder / name
 
@@ -89,6 +142,11 @@ MISTAKES = {
         "at one time",
     ),
     "missing column": (lambda folder: shf(folder / "x.shf", columns="pace REAL"), "no such column: speed"),
+    "too few columns": (written("x.txt", "1 2 3\n4 5 6\n"), "18 or 24 columns"),
+    "no x": (
+        written("x.xml", '<fcd-export><timestep time="0"><vehicle id="a" y="1"/></timestep></fcd-export>'),
+        "a vehicle has no 'x'",
+    ),
     "no database": (written("x.shf", "x" * 200), "not a database"),
 }
 
