@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.boxes import boxes_overlap
@@ -122,7 +122,7 @@ def _overlaps(tracks: Tracks, grid: _Grid) -> _Pairs:
     reach = np.hypot(tracks.length, tracks.width).max()
     first: _Pairs = {}
     for rows in np.split(np.arange(len(grid.frame)), np.flatnonzero(np.diff(grid.frame)) + 1):
-        near = rows[cKDTree(grid.centre[rows]).query_pairs(reach, output_type="ndarray")]
+        near = rows[KDTree(grid.centre[rows]).query_pairs(reach, output_type="ndarray")]
         one, other = ((grid.centre[row], grid.heading[row], size[grid.track[row]]) for row in near.T)
         for pair in np.sort(grid.track[near[boxes_overlap(*one, *other)]]).tolist():
             first.setdefault(tuple(pair), int(grid.frame[rows[0]]))

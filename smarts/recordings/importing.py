@@ -10,7 +10,7 @@ from smarts.recordings.checks import NOT_TRAFFIC, Report, check
 from smarts.recordings.reading import Source, read
 from smarts.recordings.repairs import repaired
 from smarts.recordings.tracks import RecordingError, Tracks, write_tracks
-from smarts.roads.compile import compile_map
+from smarts.roads.compile import MapNotes, compile_map
 from smarts.roads.sources import MapKind, MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
 from smarts.whole_files import written_whole
@@ -20,6 +20,7 @@ LEAST_ON_LANES = 0.9
 NET, REPORT, SCRIPT = "map.net.xml", "import.txt", "scenario.py"
 _MARKS: dict[MapKind, re.Pattern[bytes]] = {
     "commonroad": re.compile(rb"<commonRoad\b"),
+    "lanelet2": re.compile(rb"v=['\"]lanelet['\"]"),
 }
 _SCENARIO = '''"""{name}: recorded traffic, imported from {source}. Licence: {licence}."""
 
@@ -79,8 +80,9 @@ def import_recording(
         tracks, said = repaired(tracks)
     with written_whole(out) as folder:
         folder.mkdir()
-        map_notes = _write_map(_map_source(source.path, tracks.facts["source_format"], map_file), folder)
-        report = check(tracks, read_net(folder / NET) if map_notes is not None else None)
+        map_source = _map_source(source.path, tracks.facts["source_format"], map_file)
+        notes = compile_map(map_source, folder / NET) if map_source else MapNotes()
+        report = check(tracks, read_net(folder / NET) if map_source else None)
         if report.on_lanes is not None and report.on_lanes < LEAST_ON_LANES:
             raise RecordingError(
                 f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
@@ -91,20 +93,12 @@ def import_recording(
         facts |= {"attribution": attribution} if attribution else {}
         tracks = replace(tracks, facts={**tracks.facts, **facts})
         write_tracks(tracks, folder)
-        lines = _lines(tracks, report, said, map_notes)
+        lines = _lines(tracks, report, said, notes)
         (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
-        if report.is_traffic and map_notes is not None:
+        if report.is_traffic and map_source:
             middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
             (folder / SCRIPT).write_text(_SCENARIO.format(**tracks.facts, middle=middle), encoding="utf-8")
     return lines
-
-
-def _write_map(source: MapSource | None, folder: Path) -> list[str] | None:
-    """Write the compiled map into the folder; return notes on it, None if there is no map."""
-    if source is None:
-        return None
-    notes = compile_map(source, folder / NET)
-    return [*notes.warnings, *notes.remarks]
 
 
 def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:
@@ -120,7 +114,7 @@ def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | N
     return find_map_source(Path(), str(map_file.absolute()))
 
 
-def _lines(tracks: Tracks, report: Report, repairs: list[str], map_notes: list[str] | None) -> list[str]:
+def _lines(tracks: Tracks, report: Report, repairs: list[str], notes: MapNotes) -> list[str]:
     """Return the report, the gravest first."""
     facts = tracks.facts
     loud = [f"{each.kind.upper()}: {each.text}" for each in report.findings if each.kind == NOT_TRAFFIC]
@@ -130,7 +124,7 @@ def _lines(tracks: Tracks, report: Report, repairs: list[str], map_notes: list[s
         lines.append("map: none, so no scenario is written: name it with --map FILE")
     else:
         lines.append(f"map: {report.on_lanes:.2%} of the positions lie on its lanes")
-    lines += [f"map: {note}" for note in map_notes or ()]
+    lines += [f"map: {note}" for note in (*notes.warnings, *notes.remarks)]
     lines += [f"repaired: {each}" for each in repairs]
     lines += [f"assumed: {facts['assumed']}"] if "assumed" in facts else []
     lines += [f"left out: {facts['left_out']}"] if "left_out" in facts else []

@@ -20,7 +20,13 @@ from smarts.geometry.polylines import arc_lengths, without_repeats
 from smarts.registry import Registry
 from smarts.roads.lane_graph import LaneKind
 
-LANELET_MAPS = Registry("map of lanelets", {"commonroad": "smarts.roads.lanelet_readers.commonroad:read"})
+LANELET_MAPS = Registry(
+    "map of lanelets",
+    {
+        "commonroad": "smarts.roads.lanelet_readers.commonroad:read",
+        "lanelet2": "smarts.roads.lanelet_readers.lanelet2:read",
+    },
+)
 """Kind of a map's source -> its reader."""
 NODE_DEPTH = 0.5
 """How far the outline of a node reaches into its lanes [m]. netconvert cuts lanes at the outline; those that
@@ -64,7 +70,7 @@ class _Lane(NamedTuple):
     """The place of a lanelet in SUMO's network."""
 
     edge: str
-    index: int
+    place: int
     """Place across the edge, 0 is the rightmost."""
 
 
@@ -146,13 +152,13 @@ class _Network:
             node: shapely.MultiPoint(np.concatenate(each)).convex_hull for node, each in mouths.items()
         }
 
-    def _ways(self, name: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    def _ways(self, name: str, inside: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
         """Yield the lanelets inside a junction on each way from a lanelet, and the one that it leads to."""
         for after in self.by_id[name].successors:
-            if after in self.inside:
-                yield from (((after, *inside), target) for inside, target in self._ways(after))
-            else:
-                yield (), after
+            if after not in self.inside:
+                yield inside, after
+            elif after not in inside:
+                yield from self._ways(after, (*inside, after))
 
     def _joined_ends(self) -> dict[tuple[str, int], str]:
         """Return the node of each end of each edge, (edge, 0) and (edge, -1).
@@ -228,7 +234,7 @@ class _Network:
         return root
 
 
-def _part_in(outline: shapely.Polygon, line: Floats, which: int) -> Floats:
+def _part_in(outline: shapely.Geometry, line: Floats, which: int) -> Floats:
     """Return the first (0) or last (-1) part of a line that lies in an outline."""
     parts = shapely.get_parts(shapely.LineString(line).intersection(outline))
     return shapely.get_coordinates(parts[which]) if len(parts) else line[[which]]

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 from smarts.errors import MapError
 
-MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm", "commonroad"]
+MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "lanelet2", "osm", "commonroad"]
 
 MAP_STEM = "map"
 """Default stem of a scenario's map files."""
@@ -23,6 +23,7 @@ _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
     "sumo_plain": ((".nod.xml", ".edg.xml"),),
     "netgenerate": ((".netgcfg",),),
     "opendrive": ((".xodr",),),
+    "lanelet2": ((".lanelet2.osm",),),
     "osm": ((".osm",), (".osm.xml",)),
     "commonroad": ((".cr.xml",),),
 }

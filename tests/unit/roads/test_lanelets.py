@@ -7,6 +7,7 @@ import shapely
 from smarts.errors import MapError
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import ConflictKind, LaneKind
+from smarts.roads.lanelet_readers import lanelet2
 from smarts.roads.lanelet_readers.commonroad import read
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
@@ -96,6 +97,66 @@ def test_lanelets_that_cross_in_a_junction_conflict(tmp_path):
     inside = line(roads, roads.lane_ids[lanes[0]])
     assert np.abs(inside).min() < 0.5
     assert np.ptp(inside, axis=0).max() > 18
+
+
+def write_lanelet2(path, lanelets, place):
+    """Write lanelets as Lanelet2's relations; neighbours share ways, of which each second leads backward.
+
+    Args:
+        place: Returns a node's attributes and tags at a position.
+    """
+    nodes, ways, relations = {}, {}, []
+    for each in lanelets:
+        members = ""
+        for role, bound in (("left", each.left), ("right", each.right)):
+            way = tuple(nodes.setdefault(tuple(point), f"{len(nodes) + 1}") for point in bound.tolist())
+            members += f'<member type="way" role="{role}" ref="{ways.setdefault(way, f"w{len(ways)}")}"/>'
+        kind = "bus_lane" if each.kind == LaneKind.BUS else "road"
+        marks = {"type": "lanelet", "subtype": kind, "speed_limit": f"{each.speed * 3.6} km/h"}
+        marks |= {"turn_direction": "left"} if each.inside else {}
+        texts = "".join(f'<tag k="{k}" v="{v}"/>' for k, v in marks.items())
+        relations.append(f'<relation id="{each.id}">{members}{texts}</relation>')
+    points = "".join(f'<node id="{name}" {place(*point)}</node>' for point, name in nodes.items())
+    lines = "".join(
+        f'<way id="{name}">'
+        + "".join(f'<nd ref="{node}"/>' for node in (way if int(name[1:]) % 2 else way[::-1]))
+        + "</way>"
+        for way, name in ways.items()
+    )
+    path.write_text(f"<osm>{points}{lines}{''.join(relations)}</osm>")
+    return path
+
+
+def test_lanelet2_gives_the_same_lanelets(tmp_path):
+    ramp = lanelet("5", [(50, 0), (80, -3), (110, -12)])
+    drawn = read(commonroad(tmp_path / "x.xml", *(part for part in SPLIT if 'id="5"' not in part), ramp))
+
+    def place(x, y):
+        return f'lat="0" lon="0"><tag k="local_x" v="{x}"/><tag k="local_y" v="{y}"/>'
+
+    file = write_lanelet2(tmp_path / "map.lanelet2.osm", drawn, place)
+    assert find_map_source(tmp_path).kind == "lanelet2"
+    for one, other in zip(drawn, lanelet2.read(file), strict=True):
+        assert (one.id, one.left_neighbour, one.kind) == (other.id, other.left_neighbour, other.kind)
+        assert set(one.successors) == set(other.successors)
+        assert one.speed == pytest.approx(other.speed)
+        assert np.array_equal(one.left, other.left)
+        assert np.array_equal(one.right, other.right)
+
+
+def test_lanelet2_by_latitude_and_longitude(tmp_path):
+    """At the equator a second of arc is 30.71 m to the north, 30.92 m to the east (WGS84), by UTM's scale."""
+    drawn = read(commonroad(tmp_path / "x.xml", lanelet("1", [(0, 0), (1, 0)], width=0.2)))
+    file = write_lanelet2(tmp_path / "x.osm", drawn, lambda x, y: f'lat="{y / 3600}" lon="{x / 3600}">')
+    (read_back,) = lanelet2.read(file)
+    scale = 0.9996 * (1 + np.radians(3) ** 2 / 2)  # three degrees from the central meridian
+    assert read_back.left == pytest.approx(np.array([[0, 3.071], [30.92, 3.071]]) * scale, abs=0.02)
+
+
+def test_utm():
+    """The CN Tower is at 43 38 33.24 N, 79 23 13.7 W, which is 17T 630084 4833438 (USGS)."""
+    angles = np.array([[43 + 38 / 60 + 33.24 / 3600, -79 - 23 / 60 - 13.7 / 3600]])
+    assert lanelet2._utm(angles, np.array([16.0]))[0] == pytest.approx([630084, 4833438], abs=1.0)
 
 
 @pytest.mark.parametrize(
