@@ -11,6 +11,7 @@ from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import TaskSetting, task_settings_of
 from smarts.sstudio.build import build_scenario, build_scenarios
 from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.cache import file_hash
 from smarts.sstudio.encoding import digest, encode
 
 SECONDS = 5.0
@@ -116,4 +117,9 @@ def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:
     described = [encode(plan) for plan in plans], encode(scenario.start_variation)
     bubbles = [encode(scenario.bubbles)] if scenario.bubbles else []
     options = [encode(dict(files.options))] if files.options else []
-    return digest([contents, files.warm_up, *described, *bubbles, *options, *drawn], size=8)
+    recorded = []
+    if files.recording:
+        # Its log is the same in another mode.
+        played = files.recording.mode, files.recording.begin, files.recording.latest
+        recorded = [file_hash(files.recording.log), *played]
+    return digest([contents, files.warm_up, *described, *bubbles, *options, *drawn, *recorded], size=8)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smarts.agents.social import NO_CAST, Cast
 from smarts.bubbles.placing import Driver, agent_actor, columns_needed, place_bubbles
 from smarts.errors import ScenarioError
+from smarts.registry import is_own_name
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.social_starts import Role, draw_social_starts, roles_of, room_of, wanted_by
@@ -25,24 +26,41 @@ from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import PlacedBubble
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, check_seed, stream, traffic_seed
-from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
+from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
 LANE_SPEED = "lane_speed"
 """Key of a scenario's metadata: the largest speed of the discrete lane actions [m/s]."""
+EVEN_STEPS = 0.7548776662466927, 0.5698402909980532
 MOST_VEHICLES = 1024
 """Most vehicles of traffic in a simulation, however large the map."""
 
 
 def vehicle_limit(built: BuiltScenario) -> int:
-    """Return the most vehicles of traffic that a scenario has at a time: as many as fill its roads."""
+    """Return the most vehicles of traffic at a time: as many as fill a scenario's roads, or were recorded."""
     if not built.traffic:
         return 0
     roads = built.roads()
     is_road = np.isin(roads.kind, list(ROAD_LANES))
-    return min(MOST_VEHICLES, math.ceil(float(roads.length[is_road].sum()) / JAM_SPACING))
+    room = math.ceil(float(roads.length[is_road].sum()) / JAM_SPACING)
+    return min(MOST_VEHICLES, max(room, built.most_recorded))
+
+
+def traffic_files(
+    built: BuiltScenario, traffic: str | None, seed: int, world: int, episode: int
+) -> TrafficFiles:
+    """Return a variation of the traffic as an episode plays it.
+
+    Recordings begin at times that are spread evenly over episodes and simulations, as additive recurrences
+    of irrational numbers are (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    """
+    files = built.traffic_files(traffic)
+    if files.recording is None:
+        return files
+    share = traffic_seed(seed) / 2**31 + EVEN_STEPS[0] * episode + EVEN_STEPS[1] * world
+    return replace(files, recording=files.recording.drawn(share % 1.0))
 
 
 def engine_of(built: BuiltScenario, traffic: str | None) -> str:
@@ -66,6 +84,18 @@ def _refuse_equal_names(scenarios: Iterable[BuiltScenario]) -> None:
                 place=f"{first.source}, {built.source}",
                 remedy="rename one of the folders or map files",
             )
+
+
+def _refuse_unplayable(combinations: Iterable[Combination]) -> None:
+    """Raise if an engine is to drive a recording that drives routes, or the other way round."""
+    for each in combinations:
+        name = each.plan.traffic
+        is_recorded = name is not None and each.built.traffic[name].recording is not None
+        if is_recorded != (each.engine == "Recorded") and not is_own_name(each.engine):
+            problem = f"the engine {each.engine!r} cannot drive the traffic {name!r}, which is "
+            problem += "recorded" if is_recorded else "not recorded"
+            remedy = "leave out the traffic engine of the options: each scenario names its own"
+            raise ScenarioError(problem, place=each.built.name, remedy=remedy)
 
 
 def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:
@@ -153,6 +183,7 @@ class Schedule:
             for plan in built.episodes(missions)
         )
         """All combinations, in the order of the scenarios."""
+        _refuse_unplayable(self.combinations)
         self._shares = np.array(weights, float) / (sum(weights) or 1.0)
         names = [each.built.name for each in self.combinations]
         self._rows = [np.flatnonzero(np.array(names) == built.name) for built in scenarios if weights]
@@ -220,7 +251,7 @@ class Schedule:
             episode=episode,
             scenario=built.name,
             map=chosen.map,
-            traffic=built.traffic_files(plan.traffic),
+            traffic=traffic_files(built, plan.traffic, seed, world, episode),
             traffic_name=plan.traffic,
             traffic_seed=traffic_seed(seed, world=world, episode=episode),
             limit=self._limits[built.name] + len(self._egos),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smarts.providers.traffic_engines import traffic_of
-from smarts.sim.schedule import engine_of
+from smarts.sim.schedule import engine_of, traffic_files
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import traffic_seed
@@ -52,7 +52,7 @@ class TrafficRun:
             episode=episode,
             scenario=built.name,
             map=0,
-            traffic=built.traffic_files(traffic),
+            traffic=traffic_files(built, traffic, seed, 0, episode),
             traffic_name=traffic,
             traffic_seed=traffic_seed(seed, episode=episode),
             limit=CAPACITY,

@@ -25,7 +25,9 @@ from smarts.sstudio.drawn_missions import with_sets
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import drawn_mission
 from smarts.sstudio.executing import Description
+from smarts.sstudio.recorded_traffic import write_log
 from smarts.sstudio.sstypes.map_spec import MapSpec
+from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_files import carried_files, left_out, seconds
 from smarts.sstudio.sumo_writer import sumo_traffic
@@ -62,6 +64,9 @@ def write_artefacts(
         scenario = replace(scenario, ego_missions=(filled,))
         notes.append(note)
     for name, described in (scenario.traffic or {}).items():
+        if described.recording:
+            traffic[name] = _write_recorded(folder, name, described.recording, roads, place, directory)
+            continue
         traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more
         if described.route_files or described.additional_files:
@@ -119,6 +124,17 @@ def _write_traffic(
         files["additional"] = [f"{stem}.add.xml"]
         (folder / files["additional"][0]).write_text(contents.additional, encoding="utf-8")
     return files, list(contents.notes)
+
+
+def _write_recorded(
+    folder: Path, name: str, recording: Recording, roads: LaneGraph, place: str, directory: Path
+) -> dict[str, Any]:
+    log = f"traffic/{quote(name, safe='')}.log.npz"
+    at = f"{place}: traffic[{name!r}].recording"
+    recorded = write_log(recording, roads, directory, folder / log, at) | {"log": log}
+    return {"routes": [], "additional": [], "warm_up": 0.0, "options": {}, "reaction_time": 0.0} | {
+        "recording": recorded
+    }
 
 
 def _add_sumo_files(

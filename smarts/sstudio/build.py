@@ -13,7 +13,7 @@ import json
 import logging
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
@@ -33,9 +33,11 @@ from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import check_egos
 from smarts.sstudio.executing import Description, run_scenario_file
 from smarts.sstudio.locating import SCRIPT, VARIATION_MARK, Location, locate, suite
+from smarts.sstudio.recorded_traffic import recording_files
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
+from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.scenario import Scenario, Variation
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.types.streams import check_seed
@@ -49,6 +51,7 @@ PLAIN_KINDS = ("nod", "edg", "con", "typ", "tll")
 PACKAGE = Path(__file__).resolve().parents[1]
 CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "whole_files.py")
 CODE += ("types", "geometry", "roads", "sstudio")
+CODE += tuple(f"recordings/{name}.py" for name in ("tracks", "paths", "log", "gaps", "matching"))
 """The parts of the package that decide what artefacts look like: what the build imports."""
 LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 """Packages whose versions do."""
@@ -259,7 +262,8 @@ def _build_on(
     map_key = _fingerprint_map(source)
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
-    traffic_files = _hashes(directory, _sumo_files(description.scenario))
+    files = _sumo_files(description.scenario) + recording_files(description.scenario)
+    traffic_files = _hashes(directory, files)
     key = digest([json.dumps(content), map_key, description.seed, _toolchain(), traffic_files], size=8)
     entry: dict[str, Any] = {"key": key}
     entry["files"] = _hashes(directory, _relative(directory, description.files)) | traffic_files
@@ -352,10 +356,15 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
     """
     directory, checks = location.directory, Checks(_place(replace(location, variation=None)))
     checks.named(scenario.traffic, Traffic, "traffic")
-    checks.named(scenario.held_out, Variation, "held_out")
+    for where, variation in checks.named(scenario.held_out, Variation, "held_out"):
+        checks.named(variation.traffic, Traffic, f"{where}.traffic")
     if scenario.map_spec is not None:
         checks.type(scenario.map_spec, MapSpec, "map_spec")
         checks.named(scenario.map_spec.plain, str, "map_spec.plain")
+
+    def portable(traffic: Mapping[str, Traffic] | None) -> Mapping[str, Traffic] | None:
+        return traffic and {name: _portable_traffic(each, directory) for name, each in traffic.items()}
+
     histories = tuple(
         replace(history, input_path=_from_folder(history.input_path, directory))
         if isinstance(history, TrafficHistoryDataset)
@@ -363,11 +372,27 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
         for history in scenario.traffic_histories or ()
     )
     held_out = {
-        name: replace(variation, map_spec=_portable_spec(variation.map_spec, directory))
+        name: replace(
+            variation,
+            map_spec=_portable_spec(variation.map_spec, directory),
+            traffic=portable(variation.traffic),
+        )
         for name, variation in (scenario.held_out or {}).items()
     }
-    spec = _portable_spec(scenario.map_spec, directory)
-    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=held_out or None)
+    return replace(
+        scenario,
+        map_spec=_portable_spec(scenario.map_spec, directory),
+        traffic=portable(scenario.traffic),
+        traffic_histories=histories or None,
+        held_out=held_out or None,
+    )
+
+
+def _portable_traffic(traffic: Traffic, directory: Path) -> Traffic:
+    if not isinstance(traffic.recording, Recording):
+        return traffic
+    source = _from_folder(traffic.recording.source, directory) or "."
+    return replace(traffic, recording=replace(traffic.recording, source=source))
 
 
 def _portable_spec(spec: MapSpec | None, directory: Path) -> MapSpec | None:

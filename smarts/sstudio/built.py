@@ -15,6 +15,7 @@ from smarts.sstudio.cache import MANIFEST, note_use
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.episodes import EpisodePlan, episode_plans
 from smarts.sstudio.sstypes.scenario import Scenario
+from smarts.types.recorded import RecordedTraffic
 from smarts.types.traffic import TrafficFiles
 
 SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
@@ -69,7 +70,7 @@ class BuiltScenario:
 
     @cached_property
     def traffic(self) -> dict[str, TrafficFiles]:
-        """The variations of the traffic that SUMO drives, by name."""
+        """The variations of the traffic, by name."""
         return {
             name: TrafficFiles(
                 net=self.net_file,
@@ -78,9 +79,21 @@ class BuiltScenario:
                 warm_up=files["warm_up"],
                 options=tuple(files["options"].items()),
                 reaction_time=files["reaction_time"],
+                recording=self._recording(files.get("recording")),
             )
             for name, files in self._manifest["traffic"].items()
         }
+
+    def _recording(self, found: dict[str, Any] | None) -> RecordedTraffic | None:
+        if found is None:
+            return None
+        return RecordedTraffic(self.directory / found["log"], found["mode"], found["begin"], found["latest"])
+
+    @property
+    def most_recorded(self) -> int:
+        """The most vehicles at a time in the recordings of its traffic."""
+        recordings = (files.get("recording") for files in self._manifest["traffic"].values())
+        return max((each["vehicles"] for each in recordings if each), default=0)
 
     def traffic_files(self, name: str | None) -> TrafficFiles:
         """Return one variation of the traffic, or the empty roads for None, and note that it is used.

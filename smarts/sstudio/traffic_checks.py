@@ -15,6 +15,7 @@ from smarts.sstudio.placement import offset_along, open_lane_of, open_to_all, ro
 from smarts.sstudio.sstypes.constants import MAX_OFFSET
 from smarts.sstudio.sumo_files import OPTIONS
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
+from smarts.types.recorded import MODES
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
 
@@ -39,6 +40,7 @@ class TrafficChecks(Checks):
     def traffic(self, traffic: t.Traffic, where: str) -> None:
         """Require traffic that SUMO can drive."""
         self.choice(traffic.engine, ENGINES, f"{where}.engine")
+        self._recording(traffic, where)
         self.number(traffic.warm_up, f"{where}.warm_up")
         for at, flow in self.each(traffic.flows, t.Flow, f"{where}.flows"):
             self._flow(flow, at)
@@ -51,6 +53,27 @@ class TrafficChecks(Checks):
         for at, trip in self.each(traffic.trips, t.Trip, f"{where}.trips"):
             self._trip(trip, at)
             self.unique(trip.vehicle_name, seen, f"{at}.vehicle_name")
+
+    def _recording(self, traffic: t.Traffic, where: str) -> None:
+        """Require a recording, and no other vehicles, where the engine is "Recorded", and only there."""
+        recording, at = traffic.recording, f"{where}.recording"
+        is_recorded = traffic.engine == "Recorded"
+        problem = "the engine 'Recorded' drives recordings, and no other engine does"
+        remedy = 'give engine="Recorded" and recording=t.Recording(FOLDER), or neither'
+        self.require(is_recorded == (recording is not None), at, problem, remedy)
+        if recording is None:
+            return
+        self.type(recording, t.Recording, at)
+        self.type(recording.source, str, f"{at}.source")
+        self.choice(recording.mode, MODES, f"{at}.mode")
+        self.numbers(recording, at, "begin")
+        for name in ("end", "window"):
+            if getattr(recording, name) is not None:
+                self.numbers(recording, at, name, least=LEAST)
+        others = [traffic.flows, traffic.trips, traffic.route_files, traffic.additional_files]
+        remedy = "leave out flows, trips, files of SUMO and warm_up"
+        problem = "the engine 'Recorded' drives what was recorded, and nothing else"
+        self.require(not any(map(bool, [*others, traffic.warm_up])), where, problem, remedy)
 
     def _flow(self, flow: t.Flow, where: str) -> None:
         self.numbers(flow, where, "rate", "begin", "end")

@@ -1,23 +1,34 @@
 """Every registered traffic engine fulfils the contract of `TrafficEngine`, alone and beside another one."""
 
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
 from smarts.providers.traffic_engines import EnginesByEpisode, traffic_of
+from smarts.recordings.log import make_log
 from smarts.sim.assembly import Options, assemble
+from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.episode import EpisodeStart
+from smarts.types.recorded import RecordedTraffic
 from smarts.types.streams import traffic_seed
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
+from tests.tracks import track_of, tracks_of
 from tests.unit.sstudio.sources import scenario, write_cross
 
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
 LIMIT, CAPACITY = 40, 48
+FOLDER = TemporaryDirectory()
+"""Logs of recordings."""
 
 
 @pytest.fixture(scope="module")
@@ -27,11 +38,29 @@ def built():
 
 ENGINES = tuple(TRAFFIC_ENGINES)
 """The engines of this program, without those that other tests register."""
+OF_ROUTES = tuple(name for name in ENGINES if name != "Recorded")
+"""The engines that drive flows; Recorded drives a recording of these."""
 
 
 @pytest.fixture(params=ENGINES)
 def kind(request):
     return TRAFFIC_ENGINES[request.param]
+
+
+@cache
+def files_of(built, traffic):
+    """Return a traffic variation, with a recording of 40 s of it for the engine Recorded."""
+    samples = {}
+    with traffic_run(built, traffic, seed=7) as run:
+        for vehicles in run.steps(40.0):
+            columns = vehicles.position[:, 0], vehicles.position[:, 1], vehicles.heading, vehicles.speed
+            for slot in np.flatnonzero(vehicles.alive).tolist():
+                row = [run.world.time[0], *(column[slot] for column in columns)]
+                samples.setdefault((slot, vehicles.generation[slot]), []).append(row)
+    made = [track_of(f"{slot}-{generation}", rows) for (slot, generation), rows in samples.items()]
+    log = Path(FOLDER.name, f"{built.name}-{traffic}.npz")
+    make_log(tracks_of(made), built.roads()).save(log)
+    return replace(built.traffic_files(traffic), recording=RecordedTraffic(log, "reactive", 0.1, 0.1))
 
 
 class Case:
@@ -52,7 +81,7 @@ class Case:
             episode=episode,
             scenario=SCENARIO,
             map=0,
-            traffic=self.built.traffic_files(traffic),
+            traffic=files_of(self.built, traffic),
             traffic_name=traffic,
             traffic_seed=traffic_seed(7, world=world, episode=episode),
             limit=limit,
@@ -266,7 +295,7 @@ def both_engines(tmp_path_factory):
     """Return a scenario with a traffic variation for each engine."""
     folder = write_cross(tmp_path_factory.mktemp("scenarios") / "both")
     traffic = ", ".join(
-        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)' for name in ENGINES
+        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)' for name in OF_ROUTES
     )
     folder.joinpath("scenario.py").write_text(
         scenario(f"traffic={{{traffic}}}, ego_missions=[t.Mission(south_north)]")
@@ -274,7 +303,7 @@ def both_engines(tmp_path_factory):
     return build_scenario(folder)
 
 
-@pytest.mark.parametrize("engine_option", [None, *ENGINES])
+@pytest.mark.parametrize("engine_option", [None, *OF_ROUTES])
 def test_options_override_the_scenarios_engine(both_engines, engine_option):
     options = Options(traffic_engine=engine_option)
     parts = assemble([both_engines], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
@@ -282,7 +311,7 @@ def test_options_override_the_scenarios_engine(both_engines, engine_option):
         starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
         assert all(start.engine == (engine_option or start.traffic_name) for start in starts.values())
         assert {start.engine for start in starts.values()} == (
-            {engine_option} if engine_option else {*ENGINES}
+            {engine_option} if engine_option else {*OF_ROUTES}
         )
         parts.simulation.reset(starts)
         for _ in range(20):

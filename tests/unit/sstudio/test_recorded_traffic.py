@@ -1,0 +1,123 @@
+"""Recorded traffic in scenarios: `Traffic(engine="Recorded", recording=...)`."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface
+from smarts.errors import SmartsError
+from smarts.recordings.log import Log
+from smarts.recordings.tracks import write_tracks
+from smarts.sim.assembly import Options, assemble
+from smarts.sim.schedule import Schedule
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
+from tests.tracks import straight, tracks_of
+from tests.unit.sstudio.sources import scenario, write_cross
+
+RECORDED = 't.Traffic([], engine="Recorded", recording=t.Recording("recording"{more}))'
+MISSION = "ego_missions=[t.Mission(south_north)]"
+
+
+def tracks(count=20, y=-4.8, **facts):
+    """Return vehicles that come from the west, one every 3 s."""
+    found = [straight(str(each), 3.0 * each, 3.0 * each + 20.0, -100.0, y, 10.0) for each in range(count)]
+    return tracks_of(found, **facts)
+
+
+def write(folder, body, made=None):
+    write_cross(folder)
+    folder.joinpath("scenario.py").write_text(scenario(body))
+    write_tracks(made or tracks(), folder / "recording")
+    return folder
+
+
+def recorded(**more):
+    return RECORDED.format(more="".join(f", {name}={value!r}" for name, value in more.items()))
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory):
+    body = f'traffic={{"early": {recorded(end=40.0, window=10.0, mode="log")}}}, {MISSION}, held_out={{'
+    body += f'"later": t.Variation("the rest", traffic={{"late": {recorded(begin=40.0)}}})}}'
+    return write(tmp_path_factory.mktemp("scenarios") / "split", body)
+
+
+def test_a_scenario_plays_its_recording(split):
+    built = build_scenario(split)
+    interface = AgentInterface(action=ActionSpaceType.Lane)
+    parts = assemble([built], [interface], worlds=3, options=Options())
+    try:
+        starts = {row: parts.schedule.start(row, 0) for row in range(3)}
+        assert {start.engine for start in starts.values()} == {"Recorded"}
+        begins = [start.traffic.recording.begin for start in starts.values()]
+        parts.simulation.reset(starts)
+        for _ in range(20):
+            frame = parts.simulation.step(parts.actions, np.ones(3, bool), np.ones((3, 1), bool))
+        vehicles, names = frame.world.vehicles, frame.world.registry
+        for row, begin in enumerate(begins):
+            newest = math.floor((begin + 2.0) / 3.0)
+            slot = names.slot(row, f"history-vehicle-{newest}")
+            expected = -100.0 + 10.0 * (begin + 2.0 - 3.0 * newest)
+            assert vehicles.position[row, slot] == pytest.approx((expected, -4.8))
+            assert vehicles.lane[row, slot] == built.roads().lane_number("from_west", 0)
+    finally:
+        parts.simulation.close()
+
+
+def test_train_and_test_share_no_time(split):
+    early, late = build_scenario(split), build_scenario(f"{split}@later")
+    files = early.traffic["early"].recording, late.traffic["late"].recording
+    logs = [Log.load(each.log).paths for each in files]
+    assert logs[0].t.max() == 40.0 == logs[1].t.min()
+    assert (files[0].begin, files[0].latest) == (0.0, 30.0)
+    assert (files[1].begin, files[1].latest, files[1].mode) == (40.0, 40.0, "reactive")
+
+
+def test_episodes_begin_evenly_within_the_part(split):
+    schedule = Schedule([build_scenario(split)], ["ego"])
+    begins = [
+        schedule.start(world, episode).traffic.recording.begin for world in range(8) for episode in range(8)
+    ]
+    assert min(begins) >= 0.0
+    assert max(begins) < 30.0
+    counts, _ = np.histogram(begins, bins=8, range=(0.0, 30.0))
+    assert counts.min() >= 6
+    assert schedule.start(3, 4) == schedule.start(3, 4)
+
+
+@pytest.mark.parametrize(
+    ("traffic", "made", "problem"),
+    [
+        (recorded(mode="exact"), None, "'exact'"),
+        (recorded(begin=90.0), None, "begin=90"),
+        (recorded(window=90.0), None, "window=90"),
+        ('t.Traffic([], engine="Recorded")', None, "drives recordings"),
+        (recorded().replace("Recorded", "SUMO"), None, "drives recordings"),
+        (recorded().replace("[]", "[flow()]"), None, "nothing else"),
+        (recorded().replace('"recording"', '"nowhere"'), None, "there is no recording"),
+        (recorded(), tracks(is_traffic="false"), "is no traffic"),
+        (recorded(), tracks(y=30.0), "only 6% of the positions"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, traffic, made, problem):
+    write(tmp_path / "one", f'traffic={{"a": {traffic}}}, {MISSION}', made)
+    with pytest.raises(SmartsError, match=problem):
+        build_scenario(tmp_path / "one")
+
+
+def test_engines_do_not_drive_what_they_cannot(split):
+    built = build_scenario(split)
+    with pytest.raises(SmartsError, match="'SUMO' cannot drive the traffic 'early'"):
+        Schedule([built], ["ego"], engine="SUMO")
+    with pytest.raises(SmartsError, match="'Recorded' cannot drive"):
+        Schedule([build_scenario("intersection")], ["ego"], engine="Recorded")
+
+
+def test_a_changed_recording_is_built_again(tmp_path):
+    folder = write(tmp_path / "one", f'traffic={{"a": {recorded()}}}, {MISSION}')
+    first = build_scenario(folder)
+    assert build_scenario(folder).directory == first.directory
+    write_tracks(tracks(count=3), folder / "recording")
+    assert len(Log.load(build_scenario(folder).traffic["a"].recording.log).names) == 3
