@@ -221,7 +221,7 @@ def test_a_vehicle_brakes_for_a_standing_agent_as_the_equations_say(tmp_path):
 
 
 def test_a_vehicle_that_was_held_up_comes_back_on_schedule_and_its_follower_too(play):
-    tracks = [straight("a", 0.0, 45.0, 0.0, 0.0, 12.0), straight("b", 2.0, 47.0, 0.0, 0.0, 12.0)]
+    tracks = [straight("a", 0.0, 45.0, 0.0, 0.0, 12.0), straight("b", 3.0, 48.0, 0.0, 0.0, 12.0)]
     play.reset(play.log(tracks), mode="reactive", begin=3.0)
     agent = play.put(0, 80.0, 0.0)
     play.step(60)
@@ -230,7 +230,7 @@ def test_a_vehicle_that_was_held_up_comes_back_on_schedule_and_its_follower_too(
     assert play.state("b")[0] < play.state("a")[0] - 5.0
     play.world.registry.dismiss(0, agent)
     play.step(340)
-    for name, begin in (("a", 0.0), ("b", 2.0)):
+    for name, begin in (("a", 0.0), ("b", 3.0)):
         assert play.state(name)[0] == pytest.approx(12.0 * (43.0 - begin), abs=1e-9)
 
 
