@@ -42,7 +42,7 @@ class QNetwork(nn.Module):
         self, group: Group, hidden: tuple[int, ...], actions: int, *, duelling: bool, memory: int = 0
     ) -> None:
         super().__init__()
-        self.encoder = Encoder(without_memory(group.observation), group.size, group.set_width)
+        self.encoder = Encoder(without_memory(group.observation), group.places, group.set_width)
         self.trunk = perceptron([self.encoder.size, *hidden], nn.ReLU)
         if hidden:
             self.trunk.append(nn.ReLU())

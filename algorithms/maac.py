@@ -64,9 +64,9 @@ class AgentEmbedding(nn.Module):
     def __init__(self, group: Group, width: int) -> None:
         super().__init__()
         actions = action_size(group.action)
-        self.see = Encoder(group.observation, group.size, group.set_width)
+        self.see = Encoder(group.observation, group.places, group.set_width)
         self.own = nn.Sequential(nn.Linear(self.see.size, width), nn.LeakyReLU())
-        self.see_pair = Encoder(group.observation, group.size, group.set_width)
+        self.see_pair = Encoder(group.observation, group.places, group.set_width)
         self.pair = nn.Sequential(nn.Linear(self.see_pair.size + actions, width), nn.LeakyReLU())
         self.judge = perceptron([2 * width, width, actions], nn.LeakyReLU)
 

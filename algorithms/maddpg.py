@@ -36,7 +36,7 @@ class PolicyNetwork(nn.Module):
 
     def __init__(self, group: Group, hidden: tuple[int, ...], outputs: int) -> None:
         super().__init__()
-        self.encoder = Encoder(group.observation, group.size, group.set_width)
+        self.encoder = Encoder(group.observation, group.places, group.set_width)
         self.body = perceptron([self.encoder.size, *hidden, outputs], nn.ReLU)
 
     def forward(self, leaves) -> Tensor:

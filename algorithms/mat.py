@@ -90,7 +90,7 @@ class MATModule(JointModule):
         """Create all layers."""
         width, heads = self.settings["hidden"][-1], self.settings["attention_heads"]
         blocks = range(self.settings["blocks"])
-        self.see = Encoder(self.group.observation, self.group.size, self.group.set_width)
+        self.see = Encoder(self.group.observation, self.group.places, self.group.set_width)
         self.first = nn.Sequential(nn.Linear(self.see.size, width), nn.GELU(), nn.LayerNorm(width))
         self.encoder = nn.ModuleList(EncoderBlock(width, heads) for _ in blocks)
         taken = nn.Linear(1 + action_size(self.group.action), width, bias=False)

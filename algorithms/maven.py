@@ -62,7 +62,7 @@ class LatentPolicy(nn.Module):
     def __init__(self, group: Group, hidden: Sequence[int], latents: int) -> None:
         super().__init__()
         own = {name: space for name, space in group.observation.items() if not name.startswith(CARRIED)}
-        self.encoder = Encoder(own, group.size, group.set_width)
+        self.encoder = Encoder(own, group.places, group.set_width)
         self.body = perceptron([self.encoder.size, *hidden, latents], nn.ReLU)
 
     def forward(self, view: GroupView) -> Tensor:

@@ -52,7 +52,7 @@ class MeanFieldQ(nn.Module):
 
     def __init__(self, group: Group, observation: Mapping[str, Box], hidden: tuple[int, ...], actions: int):
         super().__init__()
-        self.encoder = Encoder(observation, group.size, group.set_width)
+        self.encoder = Encoder(observation, group.places, group.set_width)
         self.body = perceptron([self.encoder.size, *hidden, actions], nn.ReLU)
 
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:

@@ -39,7 +39,7 @@ class Trunk(nn.Module):
 
     def __init__(self, group: Group, hidden: tuple[int, ...]) -> None:
         super().__init__()
-        self.encoder = Encoder(group.observation, group.size, group.set_width)
+        self.encoder = Encoder(group.observation, group.places, group.set_width)
         sizes = [self.encoder.size, *hidden]
         self.body = perceptron(sizes, nn.ReLU)
         if hidden:

@@ -34,7 +34,7 @@ class LocalValue(LearnerModule):
 
     def make_networks(self) -> None:
         """Create encoder and body."""
-        self.encoder = Encoder(self.group.observation, self.group.size, self.group.set_width)
+        self.encoder = Encoder(self.group.observation, self.group.places, self.group.set_width)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
         self.body = orthogonal(
             perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1

@@ -76,7 +76,9 @@ class RecurrentLocalValue(RecurrentValue):
 
     def make_features(self) -> int:
         """Create the encoder."""
-        self.encoder = Encoder(without_memory(self.group.observation), self.group.size, self.group.set_width)
+        self.encoder = Encoder(
+            without_memory(self.group.observation), self.group.places, self.group.set_width
+        )
         return self.encoder.size
 
     def features(self, view: GroupView) -> Tensor:

@@ -45,6 +45,9 @@ class JointSettings(BaseModel):
     sharing: Sharing = "none"
     """Agents that share a policy network: "none", "all", {group: [agent, ...]}, or in Python a function from
     agent to group."""
+    identity: bool = True
+    """Whether agents that share a network are told apart by an input, their one-hot place; critics of all
+    agents' observations know in any case whose value they give."""
     hidden: Widths = (64, 64)
     """Widths of hidden layers, of policies and critics alike; empty: linear, where algorithms can."""
     set_width: Number = 0
@@ -203,6 +206,8 @@ class HAPPOSettings(CentralisedVSettings):
 
     sharing: Literal["none"] = "none"  # type: ignore[reportIncompatibleVariableOverride]
     """Always "none": a step of a shared network changes all agents at once; 'centralised_v' shares."""
+    identity: Literal[True] = True  # type: ignore[reportIncompatibleVariableOverride]
+    """Always true: no agents share a network."""
 
 
 class RecurrentIPPOSettings(PPOSettings):
@@ -275,6 +280,8 @@ class CommNetSettings(A2CSettings):
     """CommNet."""
 
     sharing: Sharing = "all"
+    identity: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]
+    """Always false: as in the paper, agents that see the same do the same."""
     hidden: SomeWidths = (64, 64)
     """Widths of hidden layers; the last is the width of messages."""
     communication_steps: Number = 2
@@ -433,6 +440,8 @@ class BiCNetSettings(MADDPGSettings):
     """BiCNet."""
 
     sharing: Sharing = "all"
+    identity: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]
+    """Always false: the order in which agents hand on tells them apart."""
     hidden: SomeWidths = (64, 64)
     """Widths of hidden layers; the last is the width of what agents hand on."""
 
@@ -484,6 +493,8 @@ class MeanFieldACSettings(MeanFieldSettings):
 class NetworkedQSettings(RandomActionSettings):
     """Networked fitted Q-iteration."""
 
+    identity: Literal[True] = True  # type: ignore[reportIncompatibleVariableOverride]
+    """Always true: every network reads all agents in their order."""
     lr: ScheduledFraction = 1e-3
     double: bool = True
     """Double Q-learning: the network itself chooses the joint action whose target value counts."""

@@ -190,7 +190,7 @@ class JointConfig(AlgorithmConfig):
 
     def spec_of(self, adapted: VectorJointEnv) -> JointSpec:
         """Return agents and groups of an environment as this algorithm's agents see it."""
-        return JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width)
+        return JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width, self.identity)
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""

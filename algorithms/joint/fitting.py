@@ -19,12 +19,12 @@ class Agents(NamedTuple):
     all: int
     """In the environment: of which an observation may have the agent's number, one-hot."""
     sharing: int
-    """Agents that share the network: its inputs end in the agent's place, one-hot (`Encoder`)."""
+    """Agents that the network tells apart: its inputs end in the agent's place, one-hot (`Encoder`)."""
 
     @classmethod
     def of(cls, spec: JointSpec, group: str | None) -> Agents:
         """Return the agents of a group's network, or of a network of all agents."""
-        return cls(len(spec.agents), next((each.size for each in spec.groups if each.id == group), 1))
+        return cls(len(spec.agents), next((each.places for each in spec.groups if each.id == group), 1))
 
 
 def fitted_weights(

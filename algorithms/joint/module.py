@@ -120,7 +120,9 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
 
         A recurrent policy is `body(memory(trunk(encoder(observations))))`.
         """
-        self.encoder = Encoder(without_memory(self.group.observation), self.group.size, self.group.set_width)
+        self.encoder = Encoder(
+            without_memory(self.group.observation), self.group.places, self.group.set_width
+        )
         sizes = [self.encoder.size, *self.settings["hidden"]]
         if self.memory_size:
             self.trunk = orthogonal(perceptron(sizes), gain=np.sqrt(2), last=np.sqrt(2)).append(nn.Tanh())

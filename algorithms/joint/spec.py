@@ -35,6 +35,7 @@ class Group:
         observation: Space of each observation leaf.
         action: Action space.
         set_width: Units of the networks for leaves (K, F) that are sets of rows; 0: they are no sets.
+        identity: Whether a network that several agents share tells them apart.
     """
 
     id: str
@@ -45,11 +46,17 @@ class Group:
     observation: Mapping[str, Box]
     action: Action
     set_width: int = 0
+    identity: bool = True
 
     @property
     def size(self) -> int:
         """Number of agents n."""
         return len(self.agents)
+
+    @property
+    def places(self) -> int:
+        """Number of agents that an `Encoder` tells apart."""
+        return self.size if self.identity else 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +80,7 @@ class JointSpec:
         sharing: Sharing = "none",
         carried: Callable[[AgentBlock], Mapping[str, Box]] | None = None,
         set_width: int = 0,
+        identity: bool = True,
     ) -> JointSpec:
         """Order the agents of `spaces` into groups; observations of other floats become float32.
 
@@ -104,7 +112,7 @@ class JointSpec:
         groups: list[Group] = []
         for name in dict.fromkeys(name_of[agent] for agent in agents):
             group = _group(name, [a for a in agents if name_of[a] == name], spaces, agents)
-            groups.append(replace(group, set_width=set_width))
+            groups.append(replace(group, set_width=set_width, identity=identity))
         return cls(agents, spaces, tuple(groups))
 
     def describe(self) -> dict[str, Any]:
@@ -121,6 +129,8 @@ class JointSpec:
             described[f"observation space of group {group.id!r}"] = leaves
             if group.set_width:
                 described[f"set_width of group {group.id!r}"] = group.set_width
+            if group.places < group.size:
+                described[f"identity of group {group.id!r}"] = group.identity
         return described
 
 

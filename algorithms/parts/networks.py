@@ -36,11 +36,11 @@ class Encoder(nn.Module):
 
     Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions; each
     leaf (K, F) is flattened, or encoded as a set of K rows in any order. Agents that share the network are
-    told apart by a one-hot place, since symmetric greedy policies deadlock otherwise.
+    told apart by a one-hot place, unless `identity` is false: symmetric greedy policies may deadlock then.
 
     Args:
         observation: Space of each leaf; others that are handed over are ignored.
-        agents: Number n of agents that share the network.
+        agents: Number n of agents that the network tells apart (`Group.places`).
         set_width: Units of the networks for leaves (K, F), see `SetEncoder`; 0: such leaves are flattened.
     """
 

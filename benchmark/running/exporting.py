@@ -184,8 +184,8 @@ def trained_content(run: Run) -> dict[str, Any]:
 
 def _places(module: Any) -> int:
     """Return how many numbers say which agent of its group an agent is; 0 where a policy does without."""
-    is_alike = isinstance(module, TALKING) or module.group.size == 1
-    return 0 if is_alike else module.group.size
+    is_alike = isinstance(module, TALKING) or module.group.places == 1
+    return 0 if is_alike else module.group.places
 
 
 def _hindrances(run: Run, modules: Mapping[str, Any]) -> Iterator[str]:

@@ -46,7 +46,7 @@ SEARCH = "search.json"
 """Name of the file of a search's folder that says what is searched."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
 """What the table of trials shows beside the settings."""
-OF_NETWORKS = ("sharing", "set_width")
+OF_NETWORKS = ("sharing", "identity", "set_width")
 """Settings that networks are built from, beside those of `checkpoint_signature`."""
 
 

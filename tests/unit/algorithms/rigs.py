@@ -12,7 +12,6 @@ from algorithms.joint.env import is_vector_env
 from algorithms.joint.policies import Policies
 from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
-from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
 from algorithms.setting_kinds import faults
 from algorithms.settings import ReplaySettings
@@ -62,9 +61,7 @@ class Rig:
         self.config = algorithms.config(name).debugging(seed=seed).training(**settings)
         self.config.learners(num_learners=learners, num_gpus_per_learner=gpus)
         self.env = self.config.adapt(env)
-        self.spec = JointSpec.build(
-            self.env.spaces, self.config.sharing, self.config.carried, self.config.set_width
-        )
+        self.spec = self.config.spec_of(self.env)
         modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
         torch.manual_seed(seed)
         learner: Any = self.config.get_default_learner_class()

@@ -44,8 +44,9 @@ OF_RUNS = {
     "max_joint_actions",
 }
 """Settings that say where or when a run stops, what it reports or stores: they have tests of their own."""
-BESIDE = {"agreement_rounds": {"graph": "ring"}}
-"""Settings that change something only beside another: on a complete graph one round of averaging is all."""
+BESIDE = {"agreement_rounds": {"graph": "ring"}, "identity": {"sharing": "all"}}
+"""Settings that change something only beside another: on a complete graph one round of averaging is all, and
+one agent alone has no place."""
 NEEDS = {"priority_alpha": {"prioritised": True}, "priority_beta": {"prioritised": True}}
 """Settings that change nothing without another, which a default leaves out."""
 

@@ -118,6 +118,7 @@ def batch_of(leaves, mask, env_id, step, is_first):
         ("maddpg", "{}", ", action: Continuous"),
         *rest_of_the_family(
             ("dqn", "{sharing: all}", ""),
+            ("dqn", "{sharing: all, identity: false}", ""),
             ("ppo", "{}", ""),
             ("ppo", "{}", ", action: Continuous"),
             ("maac", "{}", ""),
