@@ -7,14 +7,17 @@ L_Y = D B^T B D. Its logarithm is the team's value (eq. 6),
     Q(o, a) = log det L_Y = sum_i Q_i(o_i, a_i) + log det(B^T B),
 
 where D holds the qualities exp(Q_i(o_i, a_i) / 2), and the columns of B are vectors b_i(o_i, a_i), of length
-1. The second term is never positive, and 0 exactly if the agents' vectors are orthogonal. So if those of the
-agents' best actions are, these are the best joint action: greedy agents take their own best action. While
-learning, the orthogonalising sampler (the paper's algorithm 1) draws agent after agent, a_i with weight
+1. The second term is never positive, and 0 exactly if the agents' vectors are orthogonal. The orthogonalising
+sampler (the paper's algorithm 1) draws agent after agent, a_i with weight
 
     exp(Q_i(o_i, a_i)) * (squared length of what of b_i(o_i, a_i) is orthogonal to the vectors taken before),
 
 so that the joint action has the weight det L_Y over the product of the normalisers. Its most probable choices
-are the next joint action that targets bootstrap from.
+are what greedy agents do, and the next joint action that targets bootstrap from.
+
+In the code each agent is greedy alone: it takes its own best action. These are the best joint action if their
+vectors are orthogonal, but the loss fits only the sum: large qualities whose vectors are parallel fit it as
+well, and such agents choose a joint action that the team values little.
 
 These are the equations of the authors' code (QDPP-GitHub/QDPP), which names lines of algorithm 1, of the
 paper's supplement beside that code, which names eq. 6, and of lecture notes by one of the authors. The main
@@ -31,7 +34,9 @@ Deviations, where "the code" is the authors':
   for others networks of the global state (the supplement's "Deep Q-DPP").
 - Vectors have length 1. The code's have at most this length, which is learned and adds to the value.
 - Weights have the power 1 / `temperature`; the code divides Q_i only. As it falls, agents that explore come
-  to the choices that targets bootstrap from, and the code's to their own best actions.
+  to the greedy joint action, and the code's to their own best actions.
+- Greedy agents act in turn, for which they need each other's vectors; an agent that is asked alone takes its
+  own best action.
 - Targets take the sampler's choices at temperature 1, the code's at half of the present one.
 - There is no penalty on the balance of singular values, which only the sampler's error bound needs, no decay
   of weights and no limit on values.
@@ -108,9 +113,9 @@ def choose_in_turn(
     return chosen
 
 
-def greedy_in_turn(items: Sequence[Items]) -> list[Tensor]:
-    """Return each group's most probable actions (M, n), given those of the agents before."""
-    return [each.actions for each in choose_in_turn(items, lambda weights: weights.argmax(-1))]
+def greedy_in_turn(items: Sequence[Items]) -> list[SampledActions]:
+    """Return each group's most probable actions, given those of the agents before."""
+    return choose_in_turn(items, lambda weights: weights.argmax(-1))
 
 
 class DiverseQNetwork(QNetwork):
@@ -131,7 +136,7 @@ class DiverseQNetwork(QNetwork):
 
 
 class QDPPModule(DQNModule):
-    """Qualities and diversity vectors, and their targets. Agents explore together and are greedy alone."""
+    """Qualities and diversity vectors, and their targets. Agents act in turn."""
 
     acts_jointly = True
 
@@ -160,16 +165,12 @@ class QDPPModule(DQNModule):
         exploration: Exploration,
         generator: Generator,
     ) -> list[SampledActions]:
-        """Return actions by the orthogonalising sampler, or each agent's best one."""
-        both = list(zip(modules, views, strict=True))
+        """Return actions by the orthogonalising sampler, or its most probable choices."""
+        items = [net.items(view, net.q) for net, view in zip(modules, views, strict=True)]
         if not exploration.explore:
-            return [
-                net.head.act(net.policy(view), view.action_mask, exploration, generator) for net, view in both
-            ]
+            return greedy_in_turn(items)
         return choose_in_turn(
-            [net.items(view, net.q) for net, view in both],
-            lambda weights: CategoricalDistribution(weights).sample(generator),
-            exploration.temperature,
+            items, lambda weights: CategoricalDistribution(weights).sample(generator), exploration.temperature
         )
 
     def feedforward_parts(self) -> None:
@@ -197,7 +198,8 @@ class QDPPLearner(TeamLearner):
         following = batch.next
         valued = self.items(following, "target_q")
         ranked = self.items(following, "q") if self.config.double else valued
-        value = self.worth(following, valued, greedy_in_turn(list(ranked.values())))[0]
+        chosen = [each.actions for each in greedy_in_turn(list(ranked.values()))]
+        value = self.worth(following, valued, chosen)[0]
         value = torch.where(following.alive.any(-1), value, 0)
         return self.reward(batch) + self.gamma * value
 

@@ -8,8 +8,8 @@ import torch
 from rigs import Rig, replayed
 from test_qtran import matrix_score
 
-from algorithms.parts.distributions import CategoricalDistribution
-from algorithms.qdpp import Items, choose_in_turn, greedy_in_turn, log_volume
+from algorithms.parts.distributions import CategoricalDistribution, Exploration
+from algorithms.qdpp import Items, QDPPModule, choose_in_turn, greedy_in_turn, log_volume
 from tests.games.games import Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -110,7 +110,22 @@ def test_the_greedy_choice_in_turn_maximises_each_agents_share_of_the_value():
             part = Items(each.quality[:, : i + 1], each.vectors[:, : i + 1], None)
             gains = [weigh(part, [*prefix, a]).item() for a in range(4)]
             prefix.append(int(np.argmax(gains)))
-        assert chosen[row].tolist() == prefix
+        assert chosen.actions[row].tolist() == prefix
+
+
+def test_greedy_agents_act_in_turn_and_one_that_is_asked_alone_takes_its_own_best_action():
+    rig = Rig("qdpp", Ragged, sharing="all")
+    net, view = rig.learner.net("shared"), replayed(rig, 60).view(rig.spec.groups[0])
+    with torch.no_grad():
+        for parameter in net.parameters():
+            parameter.copy_(torch.randn(parameter.shape, generator=torch.Generator().manual_seed(0)))
+        (told,) = QDPPModule.act_jointly([net], [view], Exploration(explore=False), torch.Generator())
+        (expected,) = greedy_in_turn([net.items(view, net.q)])
+        own_best = net.policy(view).argmax(-1)
+        alone = net.forward_inference({"obs": view.observations[""][:, 0]})["actions"]
+    assert torch.equal(told.actions, expected.actions)
+    assert not torch.equal(told.actions, own_best)
+    assert torch.equal(alone, own_best[:, 0])
 
 
 @pytest.mark.parametrize("double", [False, True])
@@ -132,7 +147,7 @@ def test_the_temporal_difference_is_written_out(sharing, double, monkeypatch):
         vectors = batch.join({name: each.vectors.flatten(2) for name, each in now.items()})
         vectors = vectors.unflatten(2, (3, -1))
         taken, chosen = batch.actions[0], rig.learner.items(batch.next, "q" if double else "target_q")
-        chosen = greedy_in_turn(list(chosen.values()))
+        chosen = [each.actions for each in greedy_in_turn(list(chosen.values()))]
         after = {g.id: following[g.id].of(own) for g, own in zip(groups, chosen, strict=True)}
         after_quality = batch.next.join({name: part[0] for name, part in after.items()})
         after_vectors = batch.next.join({name: part[1] for name, part in after.items()})
