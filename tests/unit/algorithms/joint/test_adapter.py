@@ -1,6 +1,7 @@
 import copy
 from typing import ClassVar
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
@@ -12,6 +13,7 @@ from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.env import episode_seed
 from algorithms.joint.spaces import Flattening, to_env
 from algorithms.joint.spec import JointSpec
+from algorithms.joint.tuple_env import TupleEnv
 from tests.games.games import Cues, Game, Ragged, Target, TwoStep
 from tests.vector_contract import check_vector_env
 
@@ -158,6 +160,34 @@ def test_who_enters_later_is_masked_like_those_of_equal_spaces():
     assert block.masked
     assert env.reset(0, np.array([0])).masks[0][0].tolist() == [[True, False], [True, True]]
     assert env.step((np.zeros((1, 2), np.int64),)).masks[0][0].tolist() == [[True, False]] * 2
+
+
+class Tuples(gymnasium.Env):
+    """Three agents, tuples of spaces and lists of rewards: their actions; an episode has 4 steps."""
+
+    observation_space = Tuple([Box(0, 1, (2,), np.float32)] * 3)
+    action_space = Tuple([Discrete(4)] * 3)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.t = 0
+        return self.seen(), {}
+
+    def step(self, action):
+        self.t += 1
+        return self.seen(), [float(each) for each in action], self.t == 4, False, {}
+
+    def seen(self):
+        return tuple(self.np_random.random((3, 2), np.float32))
+
+
+def test_a_game_with_tuples_of_spaces_has_an_entry_for_each_agent():
+    check_vector_env(JointVector(lambda b: TupleEnv(Tuples()), 3))
+    game = TupleEnv(Tuples())
+    assert [*game.reset(seed=3)[0]] == game.agents == ["agent_0", "agent_1", "agent_2"]
+    _, rewards, ends, cuts, _ = game.step({"agent_2": 3, "agent_0": 1, "agent_1": 2})
+    assert rewards == {"agent_0": 1.0, "agent_1": 2.0, "agent_2": 3.0}
+    assert (ends, cuts) == ({"__all__": False}, {"__all__": False})
 
 
 class Late(ParallelEnv):
