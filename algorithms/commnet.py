@@ -11,7 +11,8 @@ carry no number of their place, so that the network of a group is permutation eq
 agents that see the same do the same.
 
 Deviations: one step on each rollout with generalised advantages instead of returns of whole episodes;
-standardised advantages; an entropy bonus; Adam instead of RMSProp. Each agent's gain is of its own rewards;
+standardised advantages; an entropy bonus; Adam instead of RMSProp. With `epochs` or `minibatch_size` the
+steps are PPO's, since one step on a rollout learns little from it. Each agent's gain is of its own rewards;
 the paper's agents share one. Groups may have networks of their own, which hear each other; the paper's agents
 share one network. The paper's extensions are left out: local connectivity, skip connections, recurrence.
 """
@@ -29,6 +30,7 @@ from algorithms.joint.module import JointModule
 from algorithms.parts.communication import mean_of_others
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
+from algorithms.ppo import clipped_surrogate
 
 
 class CommNetModule(JointModule):
@@ -105,13 +107,20 @@ class CommNetLearner(A2CLearner):
             if group.id not in self.frozen:
                 self.net(group.id).moments.observe(own.targets, own.alive)
 
+    def policy_loss(self, log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor) -> Tensor:
+        """Return the loss of each action: the policy gradient's, or PPO's for several steps on a rollout."""
+        if self.config.epochs == 1 and self.config.minibatch_size is None:
+            return super().policy_loss(log_prob, old_log_prob, advantages)
+        return clipped_surrogate(log_prob, old_log_prob, advantages, self.config.clip)
+
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Take one step on the sum over groups of policy, baseline and entropy losses."""
         nets, groups = self.nets(), [own for _, own in batch.groups()]
         total = torch.zeros((), device=batch.alive.device)
         for net, own, hidden in zip(nets, groups, CommNetModule.converse(nets, groups), strict=True):
             policy = net.head.distribution(net.decoder(hidden), own.action_mask)  # type: ignore[attr-defined]
-            loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
+            log_prob = torch.where(own.alive, policy.log_prob(own.actions), own.log_prob)
+            loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
             error = (net.value(hidden) - net.moments.scaled(own.targets)).square()
             entropy = self.mean(policy.entropy(), own.alive)
             fit = self.mean(error, own.alive)

@@ -290,6 +290,17 @@ class CommNetSettings(A2CSettings):
     """False: messages are dropped, which makes the agents independent."""
     value_coeff: NotNegative = 0.03
     """Weight of the baseline's error."""
+    epochs: Count = 1  # type: ignore[reportIncompatibleVariableOverride]
+    """Passes over each rollout; several steps on a rollout are PPO's."""
+    minibatch_size: Count | None = None  # type: ignore[reportIncompatibleVariableOverride]
+    clip: Positive = 0.2
+    """Largest rewarded change of an action's probability ratio, where several steps are on a rollout."""
+
+    @model_validator(mode="after")
+    def _clip_fits(self) -> Self:
+        several = self.epochs > 1 or self.minibatch_size is not None
+        self.check_unused("clip", used=several, unless="epochs is above 1")
+        return self
 
 
 class COMASettings(JointSettings):

@@ -56,6 +56,18 @@ def test_the_network_is_the_papers(rig):
                 torch.testing.assert_close(found[m, i], net.decoder(h[i]), rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [({}, [np.log(2), -np.log(2)]), ({"epochs": 2}, [-0.75, 0.8]), ({"minibatch_size": 8}, [-0.75, 0.8])],
+)
+def test_several_steps_on_a_rollout_have_the_clipped_ratio(settings, expected):
+    """Actions of probability 0.5 that had 2/3 when they were taken; advantages 1 and -1, clip 0.2."""
+    learner = Rig("commnet", Ragged, **settings).learner
+    now, then = torch.full((2,), 0.5).log(), torch.full((2,), 2 / 3).log()
+    loss = learner.policy_loss(now, then, torch.tensor([1.0, -1.0]))
+    np.testing.assert_allclose(loss, expected, rtol=1e-6)
+
+
 class Speaker(Game):
     """Only agent 0 sees the cue, agent 1 alone is paid for playing it; their observations differ in width."""
 
