@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools, Floats, Longs
 from smarts.geometry.boxes import boxes_overlap
 from smarts.recordings.tracks import SAMPLE, Tracks
 from smarts.roads.atlas import RoadAtlas
@@ -23,6 +23,8 @@ SLACK = 0.1
 BEGIN_TOGETHER, OVERLAP_AT_BEGIN = 0.5, 0.2
 """Tracks are no traffic if at least the first share of all begin at one time, and more than the second share
 of these overlap."""
+BESIDE = 0.1
+"""Times that differ by less from a multiple of the time step belong to that frame [time steps]."""
 OVER = 0.5
 """Accelerations are taken over this time [s]."""
 LIMITS = {
@@ -66,16 +68,6 @@ class Report:
         return all(each.kind != NOT_TRAFFIC for each in self.findings)
 
 
-class _Grid(NamedTuple):
-    """The tracks at multiples of the recording's time step, in order of time; M rows."""
-
-    frame: Ints
-    track: Ints
-    centre: Floats
-    """[m], shape (M, 2)."""
-    heading: Floats
-
-
 def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
     """Return what is implausible in a recording.
 
@@ -84,15 +76,21 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
         roads: Its map.
     """
     dt = float(tracks.facts["time_step"])
-    grid = _on_grid(tracks, dt)
-    pairs = _overlaps(tracks, grid)
+    frame = np.round(tracks.t / dt).astype(int)
+    # Samples between frames are not compared: their vehicles are there in the next frame.
+    is_in_frame = np.abs(tracks.t / dt - frame) < BESIDE
+    pairs = _overlaps(tracks, np.where(is_in_frame, frame, -1))
     on_lane = np.ones(len(tracks.t), bool) if roads is None else on_lanes(tracks, roads)
     findings = (
         *_begun_together(tracks, pairs, dt),
         *_of_pairs(tracks, pairs, dt),
         *_in_tracks(tracks, on_lane, dt),
     )
-    return Report(_contents(tracks, grid, dt), None if roads is None else float(on_lane.mean()), findings)
+    return Report(
+        _contents(tracks, np.bincount(frame[is_in_frame]), dt),
+        None if roads is None else float(on_lane.mean()),
+        findings,
+    )
 
 
 def on_lanes(tracks: Tracks, roads: LaneGraph) -> Bools:
@@ -103,29 +101,18 @@ def on_lanes(tracks: Tracks, roads: LaneGraph) -> Bools:
     return (found.lane >= 0) & (found.distance <= roads.width[found.lane] / 2)
 
 
-def _on_grid(tracks: Tracks, dt: float) -> _Grid:
-    parts = []
-    for track, rows in enumerate(slice(*ends) for ends in pairwise(tracks.start)):
-        t = tracks.t[rows]
-        # Rounded times lie a little beside the grid.
-        frame = np.arange(np.ceil(t[0] / dt - 0.01), np.floor(t[-1] / dt + 0.01) + 1)
-        columns = (tracks.x[rows], tracks.y[rows], np.unwrap(tracks.heading[rows]))
-        at = [np.interp(frame * dt, t, column) for column in columns]
-        parts.append(np.column_stack([frame, np.full(len(frame), track), *at]))
-    rows = np.concatenate(parts)
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    return _Grid(rows[:, 0].astype(np.int32), rows[:, 1].astype(np.int32), rows[:, 2:4], rows[:, 4])
-
-
-def _overlaps(tracks: Tracks, grid: _Grid) -> _Pairs:
-    size = np.column_stack([tracks.length, tracks.width]) - SLACK
-    reach = np.hypot(tracks.length, tracks.width).max()
+def _overlaps(tracks: Tracks, frame: Longs) -> _Pairs:
+    """Return the pairs of vehicles that overlap, by samples of the same frame; frame -1 is none."""
+    place, track = np.column_stack([tracks.x, tracks.y]), tracks.track
+    size = np.column_stack([tracks.length, tracks.width])[track]
+    reach = np.hypot(*size.T).max()
+    order = np.argsort(frame, kind="stable")[(frame < 0).sum() :]
     first: _Pairs = {}
-    for rows in np.split(np.arange(len(grid.frame)), np.flatnonzero(np.diff(grid.frame)) + 1):
-        near = rows[KDTree(grid.centre[rows]).query_pairs(reach, output_type="ndarray")]
-        one, other = ((grid.centre[row], grid.heading[row], size[grid.track[row]]) for row in near.T)
-        for pair in np.sort(grid.track[near[boxes_overlap(*one, *other)]]).tolist():
-            first.setdefault(tuple(pair), int(grid.frame[rows[0]]))
+    for rows in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1):
+        near = rows[KDTree(place[rows]).query_pairs(reach, output_type="ndarray")]
+        one, other = ((place[row], tracks.heading[row], size[row] - SLACK) for row in near.T)
+        for pair in np.sort(track[near[boxes_overlap(*one, *other)]]).tolist():
+            first.setdefault(tuple(pair), int(frame[rows[0]]))
     return first
 
 
@@ -176,9 +163,8 @@ def _measures(columns: Floats, dt: float) -> tuple[float, float, float]:
     return steps.max() / dt, acceleration, float(np.percentile(apart, 95))
 
 
-def _contents(tracks: Tracks, grid: _Grid, dt: float) -> str:
+def _contents(tracks: Tracks, present: Longs, dt: float) -> str:
     kinds = Counter(VehicleKind(kind).name.lower() for kind in tracks.kind)
-    present = np.bincount(grid.frame)
     same = tracks.track[1:] == tracks.track[:-1]
     way, time = np.hypot(np.diff(tracks.x), np.diff(tracks.y))[same].sum(), np.diff(tracks.t)[same].sum()
     entered = (tracks.t[tracks.start[:-1]] > dt / 2).sum()

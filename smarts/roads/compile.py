@@ -14,7 +14,7 @@ from smarts.errors import MapError
 from smarts.roads.converter_messages import ConverterMessages
 from smarts.roads.dropped import dropped_parts, tapering_lanes
 from smarts.roads.foreign import mended_opendrive
-from smarts.roads.lanelets import LANELET_MAPS, plain_xml
+from smarts.roads.lanelets import LANELET_MAPS, plain_xml, read_lanelets
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapSource
@@ -146,7 +146,7 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
     if source.kind == "osm":
         prepared["type-files"] = str(write_road_types(sumo_folder(), work))
     if source.kind in LANELET_MAPS:
-        for part, text in plain_xml(LANELET_MAPS[source.kind](source.files[0])).items():
+        for part, text in plain_xml(read_lanelets(source.kind, source.files[0])).items():
             (work / f"map.{part}.xml").write_text(text, encoding="utf-8")
             prepared[_INPUT_OPTIONS[f".{part}.xml"]] = str(work / f"map.{part}.xml")
     return prepared

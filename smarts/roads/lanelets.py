@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element, SubElement, tostring
+from xml.etree.ElementTree import Element, ParseError, SubElement, tostring
 
 import numpy as np
 import shapely
 
 from smarts.arrays import Floats
+from smarts.errors import MapError
 from smarts.geometry.polylines import arc_lengths, without_repeats
 from smarts.registry import Registry
 from smarts.roads.lane_graph import LaneKind
@@ -53,6 +55,25 @@ class Lanelet:
     kind: LaneKind = LaneKind.CAR
     inside: bool = False
     """Whether the map says that it lies inside a junction."""
+
+
+def read_lanelets(kind: str, path: Path) -> list[Lanelet]:
+    """Return the lanelets of a map of a kind in `LANELET_MAPS`.
+
+    Raises:
+        MapError: It is no such map, or broken.
+    """
+    try:
+        if lanelets := LANELET_MAPS[kind](path):
+            return lanelets
+        problem = "it has no lanelets"
+    except (ParseError, ValueError) as error:
+        problem = str(error)
+    except KeyError as error:
+        problem = f"{error} is missing"
+    raise MapError(
+        f"not a map of kind {kind}: {problem}", place=str(path), remedy="give the whole, unchanged file"
+    )
 
 
 def plain_xml(lanelets: Sequence[Lanelet]) -> dict[str, str]:

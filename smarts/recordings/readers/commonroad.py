@@ -22,6 +22,7 @@ KINDS = {
 }
 """Type of an obstacle -> kind; others become no tracks."""
 
+_SAMPLE = ("time/exact", "position/point/x", "position/point/y", "orientation/exact", "velocity/exact")
 _NOT_READ = {"staticObstacle": "static obstacle", "trafficLight": "traffic light"}
 
 
@@ -60,34 +61,19 @@ def read(source: Source) -> Tracks:
 def _track(obstacle: Element, kind: VehicleKind, dt: float) -> Track:
     name = obstacle.attrib["id"]
     rows = [
-        (
-            dt * _number(state, "time", name),
-            *_position(state, name),
-            _number(state, "orientation", name),
-            _number(state, "velocity", name),
-        )
+        [_number(state, path, name) for path in _SAMPLE]
         for state in (*obstacle.iterfind("initialState"), *obstacle.iterfind("trajectory/state"))
     ]
     across = 2 * float(obstacle.findtext("shape/circle/radius", "nan"))
     length, width = (
         float(obstacle.findtext(f"shape/rectangle/{side}", across)) for side in ("length", "width")
     )
-    return Track(name, kind, length, width, np.array(rows))
+    samples = np.array(rows) * (dt, 1, 1, 1, 1)
+    return Track(name, kind, length, width, samples)
 
 
-def _number(state: Element, tag: str, name: str) -> float:
-    """Return a number of a state, the middle of one that is given as an interval."""
-    found = [state.findtext(f"{tag}/{kind}") for kind in ("exact", "intervalStart", "intervalEnd")]
-    numbers = [float(text) for text in found if text is not None]
-    if not numbers:
-        raise ValueError(f"a state of the obstacle {name!r} has no <{tag}>")
-    return sum(numbers) / len(numbers)
-
-
-def _position(state: Element, name: str) -> tuple[float, float]:
-    """Return a position, the centre of one that is given as an area."""
-    point = state.find("position/point")
-    point = state.find("position/*/center") if point is None else point
-    if point is None:
-        raise ValueError(f"a state of the obstacle {name!r} has no <position> with a point or a centre")
-    return float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))
+def _number(state: Element, path: str, name: str) -> float:
+    text = state.findtext(path)
+    if text is None:
+        raise ValueError(f"a state of the obstacle {name!r} has no <{path}>")
+    return float(text)

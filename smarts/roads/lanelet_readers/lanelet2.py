@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from smarts.arrays import Floats
-from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.lanelets import MOTORWAY, URBAN, Lanelet
 
@@ -38,7 +37,7 @@ def read(path: Path) -> list[Lanelet]:
     0 on if the map lies there, as INTERACTION's maps do.
 
     Raises:
-        MapError: There are none, or one lacks a bound.
+        KeyError: Something that a lanelet refers to is missing.
     """
     root = ElementTree.parse(path).getroot()
     nodes = {node.attrib["id"]: node for node in root.iterfind("node")}
@@ -49,15 +48,8 @@ def read(path: Path) -> list[Lanelet]:
         tags = {tag.get("k"): tag.get("v", "") for tag in relation.iterfind("tag")}
         if tags.get("type") == "lanelet" and tags.get("subtype") in KINDS:
             bounds = {member.get("role"): member.get("ref", "") for member in relation.iterfind("member")}
-            name = relation.attrib["id"]
-            try:
-                sides = _aligned(ways[bounds["left"]], ways[bounds["right"]], places)
-            except KeyError as error:
-                problem = f"the lanelet {name!r} has no left or right bound: {error} is missing"
-                raise MapError(problem, place=str(path), remedy="give the whole map") from error
-            found[name] = (tags, *sides)
-    if not found:
-        raise MapError("the file has no lanelets", place=str(path), remedy="give a map of Lanelet2")
+            sides = _aligned(ways[bounds["left"]], ways[bounds["right"]], places)
+            found[relation.attrib["id"]] = (tags, *sides)
     begins: dict[tuple[str, str], list[str]] = {}
     by_right = {tuple(right): name for name, (_, _, right) in found.items()}
     for name, (_, left, right) in found.items():

@@ -10,7 +10,7 @@ from smarts.recordings.headings import HeadingRule, infer_headings
 from smarts.recordings.reading import READERS, Source, guess_format, read
 from smarts.recordings.tracks import RecordingError
 from smarts.types.vehicles import VehicleKind
-from tests.recording_files import commonroad, exact, obstacle, state, tags
+from tests.recording_files import commonroad, obstacle
 
 CAR = [(5, 1.0, 2.0, 0.5, 4.0), (6, 1.4, 2.0, 0.5, 4.5)]
 
@@ -35,13 +35,10 @@ def samples(tracks, name):
 
 def test_commonroad(tmp_path):
     circle = "<circle><radius>1.5</radius></circle>"
-    about = tags(intervalStart=6, intervalEnd=8)
-    area = f"<state><time>{about}</time>{tags(position=tags(circle=tags(center=tags(x=3, y=4))))}"
-    area += tags(orientation=tags(intervalStart=-0.2, intervalEnd=0.4), velocity=exact(2)) + "</state>"
     file = commonroad(
         tmp_path / "x.xml",
         obstacle("10", "car", CAR),
-        obstacle("11", "truck", [state(6, 1, 4, 0, 2), area], shape=circle),
+        obstacle("11", "truck", [(6, 1, 4, 0, 2), (7, 3, 4, 0.1, 2)], shape=circle),
         obstacle("12", "pedestrian", CAR),
         "<trafficLight/><trafficLight/>",
         dt=0.2,
@@ -130,7 +127,7 @@ MISTAKES = {
     "another version": (lambda folder: commonroad(folder / "x.xml", version="2018b"), "'2018b'"),
     "no time": (
         lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", ["<state></state>"])),
-        "obstacle '3' has no <time>",
+        "obstacle '3' has no <time/exact>",
     ),
     "not a number": (
         lambda folder: commonroad(folder / "x.xml", obstacle("3", "car", [CAR[0], (6, "nan", 0, 0, 0)])),

@@ -9,6 +9,7 @@ from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import ConflictKind, LaneKind
 from smarts.roads.lanelet_readers import lanelet2
 from smarts.roads.lanelet_readers.commonroad import read
+from smarts.roads.lanelets import LANELET_MAPS, read_lanelets
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
 from tests.recording_files import DATA, commonroad, lanelet, needs_data, tags
@@ -162,13 +163,27 @@ def test_utm():
 @pytest.mark.parametrize(
     ("parts", "problem"),
     [
-        ([], "the file has no lanelets"),
+        ([], "it has no lanelets"),
         ([lanelet("7", [(0, 0)])], "leftBound of the lanelet '7' has no two points"),
     ],
 )
 def test_broken_maps_are_refused(tmp_path, parts, problem):
     with pytest.raises(MapError, match=problem):
-        read(commonroad(tmp_path / "x.xml", *parts))
+        read_lanelets("commonroad", commonroad(tmp_path / "x.xml", *parts))
+
+
+@pytest.mark.parametrize("kind", LANELET_MAPS)
+def test_files_that_are_cut_off_are_refused(tmp_path, kind):
+    (tmp_path / "x.xml").write_text("<osm><relation>")
+    with pytest.raises(MapError, match=f"not a map of kind {kind}: no element found"):
+        read_lanelets(kind, tmp_path / "x.xml")
+
+
+def test_a_lanelet_without_its_way_is_refused(tmp_path):
+    marks = '<tag k="type" v="lanelet"/><tag k="subtype" v="road"/><member role="left" ref="w7"/>'
+    (tmp_path / "x.osm").write_text(f'<osm><relation id="3">{marks}</relation></osm>')
+    with pytest.raises(MapError, match="'w7' is missing"):
+        read_lanelets("lanelet2", tmp_path / "x.osm")
 
 
 @needs_data
