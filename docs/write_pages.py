@@ -31,7 +31,7 @@ TYPES = {
     "Missions": "Mission EndlessMission LapMission GroupedLapMission DrawnMission Via UTurn CutIn",
     "How agents enter": "EntryTactic TrapEntryTactic IdEntryTactic",
     "Routes": "Route RandomRoute JunctionEdgeIDResolver",
-    "Traffic": "Traffic Flow Trip Stop TrafficActor LaneChangingModel JunctionModel Distribution "
+    "Traffic": "Traffic Flow Trip Stop Recording TrafficActor LaneChangingModel JunctionModel Distribution "
     "TruncatedDistribution UniformDistribution",
     "Bubbles": "Bubble BubbleLimits SocialAgentActor BoidAgentActor TrafficEngineActor",
     "Areas": "MapZone PositionalZone ConfigurableZone RoadSurfacePatch",

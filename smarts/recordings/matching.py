@@ -1,4 +1,4 @@
-"""Where recorded positions are on a map: lanes, the share that lies on lanes, and routes."""
+"""Where recorded positions are on a map: lanes and routes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from smarts.arrays import Floats, Ints
 from smarts.errors import MapError
-from smarts.recordings.tracks import Tracks
 from smarts.roads.atlas import ROAD_LANES, NearestLanes, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
@@ -19,12 +18,6 @@ def lanes_of(position: Floats, heading: Floats, roads: LaneGraph) -> NearestLane
     """Return the lane of each pose, positions of shape (N, 2)."""
     maps, height = np.zeros(len(position), np.int32), np.full(len(position), np.nan)
     return RoadAtlas([roads]).locate(maps, position, heading, height=height)
-
-
-def share_on_lanes(tracks: Tracks, roads: LaneGraph) -> float:
-    """Return which share of a recording's positions lies on lanes of a map."""
-    found = lanes_of(np.column_stack([tracks.x, tracks.y]), tracks.heading, roads)
-    return float(np.mean((found.lane >= 0) & (found.distance <= 0.5 * roads.width[found.lane])))
 
 
 def routes_of(

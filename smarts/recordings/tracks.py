@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from smarts.arrays import Bytes, Floats, Ints
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import SmartsError
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import VehicleKind
@@ -107,6 +107,14 @@ class Tracks:
             signals=signals,
             **dict(zip(SAMPLE, np.ascontiguousarray(samples.T), strict=True)),
         )
+
+    def of_samples(self, keeps: Bools) -> Tracks:
+        """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone."""
+        rows = np.column_stack([getattr(self, name) for name in SAMPLE])
+        parts = zip(np.split(rows, self.start[1:-1]), np.split(keeps, self.start[1:-1]), strict=True)
+        shapes = zip(self.names, self.kind.tolist(), self.length, self.width, strict=True)
+        kept = ((shape, part[mask]) for shape, (part, mask) in zip(shapes, parts, strict=True) if mask.any())
+        return Tracks.of((Track(*shape, part) for shape, part in kept), self.facts, self.signals)
 
     def __len__(self) -> int:
         return len(self.names)

@@ -183,7 +183,8 @@ def _warnings(description: Description) -> list[str]:
         names = ", ".join(map(repr, other))
         warnings.append(f"SUMO drives the traffic {names}, which names the engine 'SMARTS'")
     if scenario.traffic_histories:
-        warnings.append("traffic_histories: without effect so far, the scenario is played without it")
+        names = ", ".join(repr(each.name) for each in scenario.traffic_histories if not isinstance(each, str))
+        warnings.append(f"traffic_histories: {names} without input_path are played without")
     return warnings
 
 

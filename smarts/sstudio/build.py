@@ -33,8 +33,7 @@ from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import check_egos
 from smarts.sstudio.executing import Description, run_scenario_file
 from smarts.sstudio.locating import SCRIPT, VARIATION_MARK, Location, locate, suite
-from smarts.sstudio.recorded_traffic import recording_files
-from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
+from smarts.sstudio.recorded_traffic import recording_files, with_histories
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.recording import Recording
@@ -50,8 +49,7 @@ PLAIN_KINDS = ("nod", "edg", "con", "typ", "tll")
 """The kinds of SUMO's plain XML that make up a map."""
 PACKAGE = Path(__file__).resolve().parents[1]
 CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "whole_files.py")
-CODE += ("types", "geometry", "roads", "sstudio")
-CODE += tuple(f"recordings/{name}.py" for name in ("tracks", "paths", "log", "gaps", "matching"))
+CODE += ("types", "geometry", "roads", "recordings", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
 LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 """Packages whose versions do."""
@@ -365,12 +363,7 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
     def portable(traffic: Mapping[str, Traffic] | None) -> Mapping[str, Traffic] | None:
         return traffic and {name: _portable_traffic(each, directory) for name, each in traffic.items()}
 
-    histories = tuple(
-        replace(history, input_path=_from_folder(history.input_path, directory))
-        if isinstance(history, TrafficHistoryDataset)
-        else history
-        for history in scenario.traffic_histories or ()
-    )
+    scenario = with_histories(scenario, checks)
     held_out = {
         name: replace(
             variation,
@@ -383,7 +376,6 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
         scenario,
         map_spec=_portable_spec(scenario.map_spec, directory),
         traffic=portable(scenario.traffic),
-        traffic_histories=histories or None,
         held_out=held_out or None,
     )
 

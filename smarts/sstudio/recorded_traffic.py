@@ -2,25 +2,62 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from smarts.errors import ScenarioError
+from smarts.recordings.checks import check, on_lanes
+from smarts.recordings.headings import HeadingRule
+from smarts.recordings.importing import LEAST_ON_LANES
 from smarts.recordings.log import make_log
-from smarts.recordings.matching import share_on_lanes
-from smarts.recordings.tracks import TRACKS, read_tracks
+from smarts.recordings.reading import READERS, Source, read
+from smarts.recordings.tracks import TRACKS, Tracks, read_tracks
+from smarts.recordings.transforms import Transform, transformed
 from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.checks import Checks
+from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.scenario import Scenario
+from smarts.sstudio.sstypes.traffic import Traffic
 
-LEAST_ON_LANES = 0.9
-"""Least share of a recording's positions that lie on lanes of its map."""
+HISTORY_SOURCES = (*READERS, "INTERACTION", "Waymo", "Argoverse")
+"""Formats of traffic histories; those that have no reader are SMARTS 2's."""
+
+
+def with_histories(scenario: Scenario, checks: Checks) -> Scenario:
+    """Return a scenario whose traffic histories are variations of its traffic, in mode "log".
+
+    Those without an `input_path` are placeholders, and stay.
+
+    Raises:
+        ScenarioError: One is of no known format, or has the name of another variation.
+    """
+    traffic, placeholders = dict(scenario.traffic or {}), []
+    for where, history in checks.each(scenario.traffic_histories, TrafficHistoryDataset, "traffic_histories"):
+        checks.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")
+        if history.input_path is None:
+            placeholders.append(history)
+            continue
+        problem, remedy = f"recordings of {history.source_type} cannot be read yet", "leave it out"
+        checks.require(history.source_type in READERS, f"{where}.source_type", problem, remedy)
+        problem = f"there is another traffic {history.name!r}"
+        checks.require(history.name not in traffic, f"{where}.name", problem, "give it another name")
+        recording = Recording(history.input_path, "log", history=replace(history, input_path=None))
+        traffic[history.name] = Traffic((), engine="Recorded", recording=recording)
+    return replace(scenario, traffic=traffic or None, traffic_histories=tuple(placeholders) or None)
 
 
 def recording_files(scenario: Scenario) -> list[str]:
     """Return the files of the recordings that a scenario's traffic names."""
     recordings = (traffic.recording for traffic in (scenario.traffic or {}).values())
-    return [(Path(each.source) / TRACKS).as_posix() for each in recordings if each is not None]
+    return [_file_of(each).as_posix() for each in recordings if each is not None]
+
+
+def _file_of(recording: Recording) -> Path:
+    return Path(recording.source) if recording.history else Path(recording.source) / TRACKS
 
 
 def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Path, at: str) -> dict[str, Any]:
@@ -37,11 +74,14 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
         SmartsError: The recording cannot be read, is no traffic, or does not belong to the map, or nothing
             is recorded in the part that is asked for.
     """
-    tracks = read_tracks(directory / recording.source)
+    if recording.history is None:
+        tracks = read_tracks(directory / recording.source)
+    else:
+        tracks = _tracks_of(recording.history, directory / recording.source, roads)
     if tracks.facts.get("is_traffic") == "false":
         problem = f"{recording.source!r} is no traffic: its tracks begin at one time in one place"
         raise ScenarioError(problem, place=at, remedy="use a recording of vehicles that drove side by side")
-    share = share_on_lanes(tracks, roads)
+    share = float(on_lanes(tracks, roads).mean())
     if share < LEAST_ON_LANES:
         problem = f"only {share:.0%} of the positions of {recording.source!r} lie on lanes of the map"
         raise ScenarioError(problem, place=at, remedy="give the map of this recording")
@@ -60,3 +100,28 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
         "latest": float(latest),
         "vehicles": log.most_at_once(),
     }
+
+
+def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> Tracks:
+    """Return the recording of a traffic history, in the coordinates of the map."""
+    scale = history.map_lane_width / history.real_lane_width_m
+    rule = HeadingRule(
+        history.heading_inference_window,
+        history.heading_inference_min_speed,
+        history.max_angular_velocity,
+        history.default_heading,
+    )
+    least, most = roads.point_xy.min(axis=0), roads.point_xy.max(axis=0)
+    transform = Transform(
+        history.swap_xy,
+        scale,
+        history.x_margin_px / scale,
+        history.y_margin_px / scale,
+        float(most[1]) if history.flip_y else None,
+    )
+    tracks = transformed(read(Source(file, rule), history.source_type), transform)
+    xy = np.column_stack([tracks.x, tracks.y])
+    inside = ((xy >= least) & (xy <= most)).all(axis=1) | (not history.filter_off_map)
+    tracks = tracks.of_samples(inside)
+    is_traffic = check(tracks, roads).is_traffic
+    return replace(tracks, facts={**tracks.facts, "is_traffic": str(is_traffic).lower()})

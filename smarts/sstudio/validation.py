@@ -33,7 +33,6 @@ from smarts.sstudio.sstypes.constants import RANDOM_OFFSET
 from smarts.sstudio.traffic_checks import LEAST, TrafficChecks
 from smarts.sstudio.ways import is_on_way
 
-HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
 MISSIONS = (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission)
 
 _Place = tuple[str, int, Any]
@@ -74,10 +73,6 @@ class _Validation(TrafficChecks, BubbleChecks):
         self._bubbles(scenario)
         for where, patch in self.each(scenario.friction_maps, t.RoadSurfacePatch, "friction_maps"):
             self._patch(patch, where)
-        histories = self.each(scenario.traffic_histories, (t.TrafficHistoryDataset, str), "traffic_histories")
-        for where, history in histories:
-            if isinstance(history, t.TrafficHistoryDataset):
-                self.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")
         if scenario.start_variation is not None:
             self.type(scenario.start_variation, t.StartVariation, "start_variation")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.identity import Described
 
 
@@ -21,3 +22,5 @@ class Recording(Described):
     """What was recorded after is not used [s]; None: up to the recording's end."""
     window: float | None = None
     """Episodes begin at random times, at least so long before the recording's end [s]; None: at `begin`."""
+    history: TrafficHistoryDataset | None = None
+    """The entry of `Scenario.traffic_histories` that it stands for; `source` is then the file of that."""

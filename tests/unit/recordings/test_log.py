@@ -5,7 +5,6 @@ import pytest
 
 from smarts.errors import TrafficError
 from smarts.recordings.log import Log, make_log
-from smarts.recordings.matching import share_on_lanes
 from smarts.recordings.tracks import RecordingError
 from tests import maps
 from tests.tracks import straight, track_of, tracks_of
@@ -53,11 +52,6 @@ def test_a_log_is_read_as_it_was_written(tmp_path):
     (tmp_path / "log.npz").write_bytes(b"?")
     with pytest.raises(TrafficError, match="not a saved log"):
         Log.load(tmp_path / "log.npz")
-
-
-def test_the_share_of_positions_on_lanes():
-    tracks = [straight("on", 0.0, 3.0, 0.0, 0.0, 10.0), straight("off", 0.0, 0.9, 0.0, -1.7, 10.0)]
-    assert share_on_lanes(tracks_of(tracks), ROADS) == pytest.approx(31 / 41)
 
 
 def test_routes_lead_through_junctions():

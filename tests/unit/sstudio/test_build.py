@@ -282,4 +282,4 @@ def test_what_has_no_effect_is_said_once(scenario_folder, caplog):
         build_scenario(folder)
     (said,) = [record for record in caplog.records if record.name == "smarts"]
     assert said.levelname == "WARNING"
-    assert f"{folder}/scenario.py: traffic_histories: without effect" in said.getMessage()
+    assert f"{folder}/scenario.py: traffic_histories: 'x' without input_path" in said.getMessage()

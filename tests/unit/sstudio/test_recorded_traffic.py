@@ -107,6 +107,52 @@ def test_mistakes_are_named(tmp_path, traffic, made, problem):
         build_scenario(tmp_path / "one")
 
 
+FCD = """<fcd-export>{steps}</fcd-export>"""
+
+
+def write_fcd(file, y):
+    """Write SUMO's output of a car of 5 m that drives east at 10 m/s from x = -100 on."""
+    steps = "".join(
+        f'<timestep time="{0.5 * k}"><vehicle id="7" x="{-97.5 + 5.0 * k}" y="{y}" '
+        'angle="90" type="car" speed="10"/></timestep>'
+        for k in range(40)
+    )
+    file.write_text(FCD.format(steps=steps))
+
+
+def history(**more):
+    fields = {"name": "own", "source_type": "FCD", "input_path": "own.xml"} | more
+    return f"t.TrafficHistoryDataset({', '.join(f'{name}={value!r}' for name, value in fields.items())})"
+
+
+def test_traffic_histories_are_variations_of_the_traffic(tmp_path):
+    body = f"traffic_histories=[{history(flip_y=True, filter_off_map=True)}], {MISSION}"
+    folder = write(tmp_path / "one", body)
+    # The map's largest y is 110 m.
+    write_fcd(folder / "own.xml", 110.0 + 4.8)
+    built = build_scenario(folder)
+    recording = built.traffic["own"].recording
+    assert (recording.mode, recording.begin) == ("log", 0.0)
+    log = Log.load(recording.log)
+    assert log.names == ("7",)
+    assert log.paths.x[:2].tolist() == [-100.0, -95.0]
+    assert np.abs(log.paths.y + 4.8).max() < 1e-9
+
+
+def test_bad_traffic_histories_are_named(tmp_path):
+    for number, (entry, problem) in enumerate(
+        (
+            (history(source_type="NGSMI"), "'NGSMI'"),
+            (history(source_type="Waymo"), "recordings of Waymo cannot be read yet"),
+            (history(input_path="nowhere.xml"), "nowhere.xml"),
+            ("'i80.yaml'", "TrafficHistoryDataset"),
+        )
+    ):
+        folder = write(tmp_path / str(number), f"traffic_histories=[{entry}], {MISSION}")
+        with pytest.raises(SmartsError, match=problem):
+            build_scenario(folder)
+
+
 def test_engines_do_not_drive_what_they_cannot(split):
     built = build_scenario(split)
     with pytest.raises(SmartsError, match="'SUMO' cannot drive the traffic 'early'"):

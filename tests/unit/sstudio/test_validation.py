@@ -128,11 +128,6 @@ WRONG = [
     ),
     (social(t.Mission(SOUTH_NORTH)), "social_agent_missions['g']", "Mission("),
     (social([], [t.Mission(SOUTH_NORTH)]), "social_agent_missions['g']", "no actors"),
-    (
-        t.Scenario(traffic_histories=[t.TrafficHistoryDataset("a", "NGSMI")]),
-        "traffic_histories[0].source_type",
-        "'NGSIM'",
-    ),
     (t.Scenario(map_spec=t.MapSpec(".", builder_fn=print)), "map_spec.builder_fn", "functions"),
 ]
 

@@ -27,7 +27,7 @@ FIELDS = {
     "Trip": "vehicle_name=... route=... vehicle_type='passenger' depart=0 actor=None stops=()",
     "Traffic": "flows=... trips=None engine='SUMO' warm_up=0.0 seed=None route_files=() "
     "additional_files=() sumo_options={} recording=None",
-    "Recording": "source=... mode='reactive' begin=0.0 end=None window=None",
+    "Recording": "source=... mode='reactive' begin=0.0 end=None window=None history=None",
     "Mission": "route=... via=() start_time=MISSING entry_tactic=None task=None",
     "EndlessMission": "begin=... via=() start_time=MISSING entry_tactic=None",
     "LapMission": "route=... num_laps=... via=() start_time=MISSING entry_tactic=None",
