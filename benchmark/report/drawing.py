@@ -89,23 +89,22 @@ def curves(report: Report, task: str, traffic: str, column: str) -> Panel | None
     every = np.concatenate([x.ravel() for name in lines for x in (lines[name][1], dots[name][1])])
     ends = (np.nanmin(every), np.nanmax(every) + 1e-6) if column == "return" else (0.0, 1.0)
     most = max(steps[-1] for steps, _ in lines.values())
-    drawn = []
-    for name, (steps, rows) in lines.items():
-        mean, *seeds = (path(_places(steps, row, most, ends), 0) for row in (rows.mean(axis=0), *rows))
-        marks = _places(dots[name][0], dots[name][1], most, ends)
-        is_one = len(rows) == 1
-        drawn.append(
-            (
-                series_of(report)[name],
-                mean,
-                "" if is_one else "".join(seeds),
-                "" if is_one else _band(steps, np.fmin.reduce(rows), np.fmax.reduce(rows), most, ends),
-                "".join(f"M{x:.0f} {y:.0f}h0" for x, y in marks),
-            )
-        )
+    shown = series_of(report)
+    drawn = [(shown[name], *_paths(*line, dots[name], most, ends)) for name, line in lines.items()]
     across = [(tick / most, thousands(tick)) for tick in ticks(0.0, most)]
     up = [((tick - ends[0]) / (ends[1] - ends[0]), f"{tick:g}") for tick in ticks(*ends)]
     return Panel(TITLES[column], drawn, across, up)
+
+
+def _paths(
+    steps: Floats, rows: Floats, dots: Floats, most: float, ends: tuple[float, float]
+) -> tuple[str, str, str, str]:
+    """Return the paths of a curve, see `Panel`; of one seed, it has no curves beside the mean."""
+    mean, *seeds = (path(_places(steps, row, most, ends), 0) for row in (rows.mean(axis=0), *rows))
+    marks = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in _places(dots[0], dots[1], most, ends))
+    if len(rows) == 1:
+        return mean, "", "", marks
+    return mean, "".join(seeds), _band(steps, np.fmin.reduce(rows), np.fmax.reduce(rows), most, ends), marks
 
 
 def profile(summaries: Summaries, report: Report) -> Panel:

@@ -192,13 +192,7 @@ def read_results(root: Path) -> Results:
         runs |= {run.place: run for run in _expected(each)}
     found = {run.place: run for run in (*_packed(root), *_found(root, problems))}
     if not experiments and not found and not has_verdicts:
-        raise ResultsError(
-            "no results of an experiment" + _reasons(problems),
-            place=str(root),
-            remedy="evaluate the release first: smarts-bench verify"
-            if (root / MANIFEST).exists()
-            else "give the folder that `smarts-bench run` names at its end",
-        )
+        raise _nothing_in(root, problems)
     runs |= found
     return Results(
         root=root,
@@ -212,8 +206,13 @@ def read_results(root: Path) -> Results:
     )
 
 
-def _reasons(problems: Mapping[str, str]) -> str:
-    return "".join(f"; {name}: {reason}" for name, reason in problems.items())
+def _nothing_in(root: Path, problems: Mapping[str, str]) -> ResultsError:
+    """Return the error of a folder without results, with what is wrong with its files."""
+    reasons = "".join(f"; {name}: {reason}" for name, reason in problems.items())
+    remedy = "give the folder that `smarts-bench run` names at its end"
+    if (root / MANIFEST).exists():
+        remedy = "evaluate the release first: smarts-bench verify"
+    return ResultsError(f"no results of an experiment{reasons}", place=str(root), remedy=remedy)
 
 
 def _load_metrics(experiment: Experiment, problems: dict[str, str]) -> None:

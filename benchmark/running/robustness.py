@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -107,13 +107,8 @@ def policies_of(root: Path, given: Given) -> list[Policies]:
     check_one_version(results.runs, str(root))
     learned = [run for run in results.runs if not run.is_scripted]
     known = {f"{run.task}/{run.traffic}": (run.task, run.traffic) for run in learned}
-    for kind, names, there in (
-        ("task", given.tasks, known),
-        ("algorithm", given.algorithms, {run.algorithm for run in learned}),
-    ):
-        if unknown := [name for name in names if name not in there]:
-            problem = f"there is no {kind} {unknown[0]!r} in these results"
-            raise UnknownNameError(problem, place=f"--{kind}", remedy=nearest_names(unknown[0], there))
+    _check_named("task", given.tasks, known)
+    _check_named("algorithm", given.algorithms, {run.algorithm for run in learned})
     wanted = given.tasks or [name for name, (_, traffic) in known.items() if traffic != EMPTY_ROADS]
     if not wanted:
         raise ResultsError(
@@ -125,6 +120,14 @@ def policies_of(root: Path, given: Given) -> list[Policies]:
     return [_policies(results, *known[name], seed, given) for name in wanted]
 
 
+def _check_named(kind: str, names: Iterable[str], there: Collection[str]) -> None:
+    """Raise if the results have no task or algorithm of a name."""
+    for name in names:
+        if name not in there:
+            problem = f"there is no {kind} {name!r} in these results"
+            raise UnknownNameError(problem, place=f"--{kind}", remedy=nearest_names(name, there))
+
+
 def _policies(results: Results, task: str, traffic: str, seed: int, given: Given) -> Policies:
     """Return the policies of a task, checked."""
     where = f"{task}/{traffic}, seed {seed}"
@@ -134,26 +137,31 @@ def _policies(results: Results, task: str, traffic: str, seed: int, given: Given
         if (run.task, run.traffic, run.seed) == (task, traffic, seed)
         and (not given.algorithms or run.algorithm in given.algorithms)
     }
-    lacking = [f"{run}: {run.status}" for run in found.values() if run.table is None]
     tested = min((_tested(run.table) for run in found.values() if run.table is not None), default=0)
     episodes = given.episodes or min(EPISODES, tested)
-    problem, remedy = "", "finish them, or choose others with --algorithm, --task and --seed"
-    runs: dict[str, Run] = {}
-    if lacking or not found:
-        problem = f"not finished: {'; '.join(lacking)}" if lacking else "there is no trained policy"
-    elif not 0 < episodes <= tested:
-        problem = (
-            f"{episodes} episodes, and the tests have {tested} greedy ones, with which plays are compared"
-        )
-        remedy = "give fewer --episodes, or test with evaluation.modes: [greedy]"
-    else:
-        runs = {name: _read(results.root, run, given) for name, run in found.items()}
+    problem, remedy = _lack(found, episodes, tested)
+    runs = {} if problem else {name: _read(results.root, run, given) for name, run in found.items()}
+    if runs:
         problem, remedy = _hindrance(next(iter(runs.values())).task_setting, given.partners)
     if problem:
         raise ResultsError(problem, place=where, remedy=remedy)
     trained = {name: trained_state(run) for name, run in found.items()}
     scripted = {file_name(name): name for name in given.partners}
     return Policies(results.root, seed, episodes, runs, trained, scripted)
+
+
+def _lack(found: Mapping[str, RunResult], episodes: int, tested: int) -> tuple[str, str]:
+    """Return what is missing of the runs to play so many episodes, and what to do; "" if nothing is."""
+    lacking = [f"{run}: {run.status}" for run in found.values() if run.table is None]
+    if lacking or not found:
+        problem = f"not finished: {'; '.join(lacking)}" if lacking else "there is no trained policy"
+        return problem, "finish them, or choose others with --algorithm, --task and --seed"
+    if not 0 < episodes <= tested:
+        problem = (
+            f"{episodes} episodes, and the tests have {tested} greedy ones, with which plays are compared"
+        )
+        return problem, "give fewer --episodes, or test with evaluation.modes: [greedy]"
+    return "", ""
 
 
 def _tested(table: Frame) -> int:

@@ -224,15 +224,8 @@ def _faults(entry: Entry, folder: Path) -> Iterator[str]:
     if not place.is_relative_to(folder.resolve()):
         yield f"its policy {entry.agent} is outside of the submission"
     files = files_of(place)
-    claims = entry.files or entry.scores or entry.episodes
     for file in files:
-        name = f"{entry.agent}/{file.name}"
-        if not file.is_file() or file.is_symlink():
-            yield f"there is no file {name}"
-        if file.stat().st_size > LARGEST_FILE:
-            yield f"{name} has more than {LARGEST_FILE:,} bytes"
-        if claims and entry.files.get(file.name) != file_digest(file.read_bytes()):
-            yield f"{name} is not the file that its manifest describes"
+        yield from _faults_of_file(entry, file)
     trained = trained_on(place)
     for name, given in entry.names.items():
         if given != (found := getattr(trained, name)):
@@ -243,6 +236,18 @@ def _faults(entry: Entry, folder: Path) -> Iterator[str]:
     is_open = entry.algorithm not in ALGORITHMS or ALGORITHMS[entry.algorithm].communication
     if ExportedPolicy(place, TEAM).talks and not is_open:  # which reads all weights
         yield f"its vehicles act on what others see, which those of {entry.algorithm} do not"
+
+
+def _faults_of_file(entry: Entry, file: Path) -> Iterator[str]:
+    """Yield what is wrong with a file of an entry's policy, before it is read as what it should be."""
+    name = f"{entry.agent}/{file.name}"
+    if not file.is_file() or file.is_symlink():
+        yield f"there is no file {name}"
+    if file.stat().st_size > LARGEST_FILE:
+        yield f"{name} has more than {LARGEST_FILE:,} bytes"
+    claims = entry.files or entry.scores or entry.episodes
+    if claims and entry.files.get(file.name) != file_digest(file.read_bytes()):
+        yield f"{name} is not the file that its manifest describes"
 
 
 def files_of(place: Path) -> list[Path]:

@@ -76,12 +76,7 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
     static = {table.name: episode.table(table.name) for table in STATIC}
     static = {name: columns for name, columns in static.items() if name == "agents" or _rows(columns)}
     yield from encoder.static({**static, "names": episode.table("names")})
-    tables = {table.name: episode.table(table.name) for table in STEPPED if table is not OUTCOMES}
-    tables[OUTCOMES.name] = _outcomes(episode.table("agents"))
-    tables["vehicles"] = episode.table("vehicles")
-    in_order = {
-        name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
-    }
+    in_order = _in_order(episode)
     for begin in range(0, int(steps[0]), STEPS):
         # Which vehicles have collided is known from the messages that are left out.
         left_out = np.arange(begin, min(begin + STEPS, steps[0]), dtype=np.int32)
@@ -98,6 +93,16 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
             rows |= {name: _with_newest(in_order[name], of_chunk) for name in _NEWEST if name in in_order}
         yield from encoder.chunk(of_chunk, rows)
     yield from encoder.end(bool(facts["is_complete"]), str(facts["remark"]))
+
+
+def _in_order(episode: RecordedEpisode) -> dict[str, Columns]:
+    """Return the tables of an episode that have rows for steps, and the vehicles', in the steps' order."""
+    tables = {table.name: episode.table(table.name) for table in STEPPED if table is not OUTCOMES}
+    tables[OUTCOMES.name] = _outcomes(episode.table("agents"))
+    tables["vehicles"] = episode.table("vehicles")
+    return {
+        name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
+    }
 
 
 def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> Ints:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -66,18 +66,24 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
     # Where all end in the same way, none is worse than another.
     if _failures(worst) and (found or any(each.outcomes != worst.outcomes for each in whole)):
         found.append((worst, "worst"))
-    for outcome in Outcome:
-        name = outcome.name.lower()
-        of_kind = [each for each in whole if name not in NO_FAILURE and each.outcomes.get(name)]
-        if of_kind and not any(each.outcomes.get(name) for each, why in found if why != "best"):
-            # Where little else happened, the failure is easiest to see.
-            clearest = min(of_kind, key=lambda each: (_failures(each), each.seconds, each.label))
-            found.append((clearest, name.replace("_", " ")))
+    shown = {name for entry, why in found if why != "best" for name, count in entry.outcomes.items() if count}
+    found += _kinds_of_failure(whole, shown)
     reasons: dict[str, list[str]] = {}
     for entry, why in found:
         reasons.setdefault(entry.id, []).append(why)
     entry_of = {entry.id: entry for entry, _ in found}
     return [Notable(entry_of[number], ", ".join(whys)) for number, whys in reasons.items()]
+
+
+def _kinds_of_failure(whole: list[Entry], shown: set[str]) -> Iterator[tuple[Entry, str]]:
+    """Yield an episode with each kind of failure that is not shown yet, and the kind's name."""
+    for name in (outcome.name.lower() for outcome in Outcome):
+        of_kind = [each for each in whole if each.outcomes.get(name)]
+        if of_kind and name not in NO_FAILURE | shown:
+            # Where little else happened, the failure is easiest to see.
+            clearest = min(of_kind, key=lambda each: (_failures(each), each.seconds, each.label))
+            shown |= {kind for kind, count in clearest.outcomes.items() if count}
+            yield clearest, name.replace("_", " ")
 
 
 def write_notable(library: EpisodeLibrary, out: Path) -> Written:

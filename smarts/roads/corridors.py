@@ -209,14 +209,8 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
 @remembered(most=4096)
 def _leg(graph: LaneGraph, kinds: frozenset[LaneKind], edge: int, following: int) -> _Leg:
     """Return the rows of an edge, and of the junction between it and the edge that follows, -1 for none."""
-    edges, usable = edge_graph(graph, kinds, "length"), _usable(graph, kinds)
-    if not np.isfinite(edges.cost[edge]):
-        problem = f"edge '{graph.edge_ids[edge]}' has no lane of kind {names_of(kinds)}"
-        raise MapError(problem, remedy="choose an edge that is open to the route's vehicles")
-    between = 0.0 if following < 0 else edges.onward[edge].get(following)
-    if between is None:
-        problem = f"edge '{graph.edge_ids[edge]}' does not lead into edge '{graph.edge_ids[following]}'"
-        raise MapError(problem, remedy="complete the route with the edges in between")
+    usable = _usable(graph, kinds)
+    length, between = _lengths(graph, kinds, edge, following)
     lanes = [lane for lane in graph.edge_lanes(edge) if usable[lane]]
     chains = [] if following < 0 else _chains(graph, lanes, following, usable)
     inside = _junction_rows(graph, chains, between)
@@ -235,9 +229,22 @@ def _leg(graph: LaneGraph, kinds: frozenset[LaneKind], edge: int, following: int
         end=np.array([0.0] * len(lanes) + [inside[lane].end for lane in rows[len(lanes) :]]),
         onward_count=np.array([len(each) for each in following_rows], np.int32),
         onward=np.array([*itertools.chain(*following_rows)], np.int32),
-        length=edges.cost[edge],
+        length=length,
         between=between,
     )
+
+
+def _lengths(graph: LaneGraph, kinds: frozenset[LaneKind], edge: int, following: int) -> tuple[float, float]:
+    """Return the lengths of an edge, and of the junction behind it; raise if the route is not open."""
+    edges = edge_graph(graph, kinds, "length")
+    if not np.isfinite(edges.cost[edge]):
+        problem = f"edge '{graph.edge_ids[edge]}' has no lane of kind {names_of(kinds)}"
+        raise MapError(problem, remedy="choose an edge that is open to the route's vehicles")
+    between = 0.0 if following < 0 else edges.onward[edge].get(following)
+    if between is None:
+        problem = f"edge '{graph.edge_ids[edge]}' does not lead into edge '{graph.edge_ids[following]}'"
+        raise MapError(problem, remedy="complete the route with the edges in between")
+    return edges.cost[edge], between
 
 
 @remembered(most=8)

@@ -73,8 +73,14 @@ def engine_of(built: BuiltScenario, traffic: str | None) -> str:
     return described.engine if described and described.engine in TRAFFIC_ENGINES else DEFAULT_ENGINE
 
 
-def _refuse_equal_names(scenarios: Iterable[BuiltScenario]) -> None:
-    """Raise if different scenarios have one name, by which results and recordings tell them apart."""
+def _check_given(scenarios: Sequence[BuiltScenario], weights: Sequence[float]) -> None:
+    """Raise unless there are scenarios, with names of their own, and weights of all or none."""
+    if not scenarios:
+        raise ScenarioError("there is no scenario to play", remedy="name at least one")
+    if weights and len(weights) != len(scenarios):
+        problem = f"{len(weights)} weights, and {len(scenarios)} scenarios"
+        raise ScenarioError(problem, place="weights", remedy="give one for each scenario")
+    # Results and recordings tell scenarios apart by their names.
     known: dict[str, BuiltScenario] = {}
     for built in scenarios:
         first = known.setdefault(built.name, built)
@@ -154,13 +160,8 @@ class Schedule:
         cast: Cast = NO_CAST,
         weights: Sequence[float] = (),
     ) -> None:
-        if not scenarios:
-            raise ScenarioError("there is no scenario to play", remedy="name at least one")
-        if weights and len(weights) != len(scenarios):
-            problem = f"{len(weights)} weights, and {len(scenarios)} scenarios"
-            raise ScenarioError(problem, place="weights", remedy="give one for each scenario")
+        _check_given(scenarios, weights)
         check_seed(seed, "seed")
-        _refuse_equal_names(scenarios)
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)

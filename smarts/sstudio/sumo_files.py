@@ -6,7 +6,7 @@ import gzip
 import shutil
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from smarts.errors import ScenarioError
@@ -129,11 +129,8 @@ def import_sumo(files: Sequence[Path], out: Path | None = None) -> tuple[Path, t
     for file, copy in taken.items():
         shutil.copyfile(file, out / copy)
     known = {key: value for key, value in options.items() if key in OPTIONS}
-    traffic = (
-        f"    traffic={{\n        {name!r}: t.Traffic(\n            flows=[],\n"
-        f"            route_files={_listed(taken[file] for file in routes)},\n"
-        f"            additional_files={_listed(taken[file] for file in additional)},\n"
-        f"            sumo_options={known!r},\n        )\n    }}\n"
+    traffic = _traffic_text(
+        name, [taken[file] for file in routes], [taken[file] for file in additional], known
     )
     (out / SCRIPT).write_text(
         f'"""{name}, imported from {files[0].name}. Missions are missing: agents begin anywhere."""\n\n'
@@ -146,8 +143,13 @@ def import_sumo(files: Sequence[Path], out: Path | None = None) -> tuple[Path, t
     return out, tuple(key for key in options if key not in (*OPTIONS, *FILES, "end"))
 
 
-def _listed(names: Iterable[str]) -> str:
-    return repr([*names])
+def _traffic_text(name: str, routes: list[str], additional: list[str], options: Mapping[str, str]) -> str:
+    """Return the keyword `traffic` of an imported scenario, as its file has it."""
+    return (
+        f"    traffic={{\n        {name!r}: t.Traffic(\n            flows=[],\n"
+        f"            route_files={routes!r},\n            additional_files={additional!r},\n"
+        f"            sumo_options={options!r},\n        )\n    }}\n"
+    )
 
 
 def _net_suffix(net: Path) -> str:

@@ -194,18 +194,7 @@ class Built:
             )
         places.update({place.attrib["id"]: place for place in root.iter("busStop")})
         types = {each.attrib["id"]: self._type(each.attrib, ballistic) for each in root.iter("vType")}
-        weight_of = {each.attrib["id"]: each.get("probability", "1") for each in root.iter("vType")}
-        mixes = {name: [(1.0, kind)] for name, kind in types.items()}
-        for element in root.iter("vTypeDistribution"):
-            names = [
-                *element.get("vTypes", "").split(),
-                *(each.attrib["id"] for each in element.iter("vType")),
-            ]
-            given = element.get("probabilities", "").split()
-            weights = [*given, *(weight_of[name] for name in names[len(given) :])]
-            shares = np.cumsum([float(weight) for weight in weights])
-            kinds = [types[name] for name in names]
-            mixes[element.attrib["id"]] = [*zip((shares / shares[-1]).tolist(), kinds, strict=True)]
+        mixes = {name: [(1.0, kind)] for name, kind in types.items()} | _mixes(root, types)
         routes = {each.get("id"): each for each in root.iter("route")}
         for element in (each for tag in ("flow", "vehicle", "trip") for each in root.iter(tag)):
             route = routes.get(element.get("route"), element.find("route"))
@@ -294,6 +283,20 @@ def is_ballistic(files: TrafficFiles, dt: float) -> bool:
     if given is not None:
         return given == "true"
     return round(1000 * (files.reaction_time or 0.0)) // round(1000 * dt) > 1
+
+
+def _mixes(root: Element, types: Mapping[str, int]) -> dict[str, list[tuple[float, int]]]:
+    """Return the distributions of types by name, each as pairs of a cumulated share and a type's kind."""
+    weight_of = {each.attrib["id"]: each.get("probability", "1") for each in root.iter("vType")}
+    mixes = {}
+    for element in root.iter("vTypeDistribution"):
+        names = [*element.get("vTypes", "").split(), *(each.attrib["id"] for each in element.iter("vType"))]
+        given = element.get("probabilities", "").split()
+        weights = [*given, *(weight_of[name] for name in names[len(given) :])]
+        shares = np.cumsum([float(weight) for weight in weights])
+        kinds = [types[name] for name in names]
+        mixes[element.attrib["id"]] = [*zip((shares / shares[-1]).tolist(), kinds, strict=True)]
+    return mixes
 
 
 def _index(text: str | None, default: int) -> int:

@@ -72,14 +72,19 @@ def route_rows(
                 _choose_chain(graph, row, rows, first[onward[k]], uses[onward[k]])
         if k in stop_at:
             _add_stop(groups[k], rows, first[k + 1], stop_at[k])
-        best = max(min(row.length, FARTHEST) for row in groups[k])
-        good = [index for index, row in enumerate(groups[k]) if row.length >= best - SAME]
-        for index, row in enumerate(groups[k]):
-            row.changes = min((other - index for other in good), key=abs)
-            row.right = first[k] + index - 1 if index else -1
-            row.left = first[k] + index + 1 if index + 1 < len(groups[k]) else -1
+        _set_beside(groups[k], first[k])
     _add_inside(graph, rows)
     return rows
+
+
+def _set_beside(group: Sequence[Row], first: int) -> None:
+    """Set the rows beside each of an edge, from the row `first` on, and the lane changes to a best one."""
+    best = max(min(row.length, FARTHEST) for row in group)
+    good = [index for index, row in enumerate(group) if row.length >= best - SAME]
+    for index, row in enumerate(group):
+        row.changes = min((other - index for other in good), key=abs)
+        row.right = first + index - 1 if index else -1
+        row.left = first + index + 1 if index + 1 < len(group) else -1
 
 
 def _uses(edges: Sequence[int], stops: Iterable[Stop]) -> tuple[list[int], dict[int, Stop], list[int]]:
