@@ -13,8 +13,8 @@ from scipy.spatial import KDTree
 
 from smarts.arrays import Bools, Floats, Longs
 from smarts.geometry.boxes import boxes_overlap
+from smarts.recordings.matching import lanes_of
 from smarts.recordings.tracks import SAMPLE, Tracks
-from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind
 
@@ -95,9 +95,7 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
 
 def on_lanes(tracks: Tracks, roads: LaneGraph) -> Bools:
     """Return which samples lie on lanes for motor vehicles, shape (N,)."""
-    places, count = np.column_stack([tracks.x, tracks.y]), len(tracks.t)
-    atlas = RoadAtlas([roads])
-    found = atlas.locate(np.zeros(count, np.int32), places, tracks.heading, height=np.full(count, np.nan))
+    found = lanes_of(np.column_stack([tracks.x, tracks.y]), tracks.heading, roads)
     return (found.lane >= 0) & (found.distance <= roads.width[found.lane] / 2)
 
 

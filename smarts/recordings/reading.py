@@ -1,19 +1,22 @@
 """Reading recorded traffic of any format: readers by name, and what formats leave out.
 
-A reader is a function `read(source: Source) -> Tracks`. Lengths, widths, headings and speeds that its format
-does not have are NaN, times may begin anywhere; `read` here completes them.
+A reader is a function `read(source: Source) -> Tracks`. What is missing in a file, or is no number, is the
+KeyError or ValueError that Python raises; `read` here makes a sentence of it. Lengths, widths, headings and
+speeds that its format does not have are NaN, times may begin anywhere; `read` here completes them.
 """
 
 from __future__ import annotations
 
 import hashlib
-import xml.etree.ElementTree as ElementTree
+import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
+from xml.etree.ElementTree import ParseError, iterparse
 
 import numpy as np
 
@@ -74,9 +77,10 @@ def read(source: Source, format: str | None = None) -> Tracks:
         tracks = READERS[format](source)
         content = source.path / "vehicles.parquet" if source.path.is_dir() else source.path
         digest = hashlib.sha256(content.read_bytes()).hexdigest()
-    except OSError as error:
-        problem = f"it cannot be read: {error.strerror or error}"
-        raise RecordingError(problem, place=str(source.path), remedy="name another file") from error
+    except (OSError, ParseError, sqlite3.Error, KeyError, ValueError) as error:
+        text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        problem = f"it is not as recordings of the format {format} are: {text}"
+        raise RecordingError(problem, place=str(source.path), remedy="give the unchanged file") from error
     steps = np.diff(tracks.t)[tracks.track[1:] == tracks.track[:-1]]
     if problem := _problem(tracks, steps):
         raise RecordingError(problem, place=str(source.path), remedy="leave out such rows")
@@ -107,30 +111,17 @@ def guess_format(path: Path) -> str:
     Raises:
         RecordingError: It has none of the known ones, or is not there.
     """
+    if not path.exists():
+        raise RecordingError("there is no such file or folder", place=str(path))
     found = "SMARTS" if (path / "vehicles.parquet").is_file() else _BY_ENDING.get(path.suffix.lower(), "")
-    if path.suffix == ".xml" and path.is_file():
-        found = _BY_ROOT.get(xml_root(path).tag, "")
-    if not found or not path.exists():
-        problem = (
-            "it is no recording of a known format" if path.exists() else "there is no such file or folder"
-        )
+    if path.suffix == ".xml":
+        with suppress(ParseError):
+            _, root = next(iter(iterparse(path, ("start",))))
+            found = _BY_ROOT.get(root.tag, "")
+    if not found:
         remedy = f"give one of {', '.join(READERS)}; --format names the format where the file does not"
-        raise RecordingError(problem, place=str(path), remedy=remedy)
+        raise RecordingError("it is no recording of a known format", place=str(path), remedy=remedy)
     return found
-
-
-def xml_root(path: Path) -> ElementTree.Element:
-    """Return the outermost element of an XML file.
-
-    Raises:
-        RecordingError: It is not XML.
-    """
-    try:
-        return ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise RecordingError(
-            f"it is not XML: {error}", place=str(path), remedy="download it again"
-        ) from error
 
 
 def tracks_of_rows(

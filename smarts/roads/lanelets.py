@@ -33,6 +33,8 @@ LANELET_MAPS = Registry(
 NODE_DEPTH = 0.5
 """How far the outline of a node reaches into its lanes [m]. netconvert cuts lanes at the outline; those that
 it draws itself swallow ramps."""
+WIDEST_JUNCTION = 60.0
+"""In maps that mark no junction, lanelets up to this length that cross are inside one [m]."""
 URBAN, MOTORWAY = 50 / 3.6, 130 / 3.6
 """Limits where a map names none [m/s]."""
 _ALLOW = {LaneKind.BUS: "bus coach", LaneKind.BICYCLE: "bicycle", LaneKind.FOOT: "pedestrian"}
@@ -141,10 +143,12 @@ class _Network:
     def _crossing(self) -> set[str]:
         """Return the lanelets that cross another one in a junction.
 
-        Both come from elsewhere, and are, or follow, what the map calls part of a junction: bridges cross
-        roads as well. To be called so is not enough: ramps are, too.
+        Both come from elsewhere, and are, or follow, what the map calls part of a junction, or are short if
+        it names none: bridges cross roads as well. To be called so is not enough: ramps are, too.
         """
         called = {name for name, each in self.by_id.items() if each.inside}
+        if not called:
+            called = {name for name, line in self.lines.items() if arc_lengths(line)[-1] < WIDEST_JUNCTION}
         names = [
             name for name in self.by_id if called & {name, *self.before[name]} and self._is_between(name)
         ]

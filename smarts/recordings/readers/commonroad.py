@@ -5,11 +5,12 @@ Source: https://commonroad.in.tum.de, "CommonRoad: Documentation of the XML form
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from smarts.recordings.reading import Source, left_out, xml_root
+from smarts.recordings.reading import Source, left_out
 from smarts.recordings.tracks import RecordingError, Track, Tracks
 from smarts.types.vehicles import VehicleKind
 
@@ -30,9 +31,10 @@ def read(source: Source) -> Tracks:
     """Return the dynamic obstacles of a scenario.
 
     Raises:
-        RecordingError: It is no scenario of this format, or an obstacle lacks something.
+        RecordingError: It is no scenario of this format.
+        ValueError: An obstacle lacks something.
     """
-    root = xml_root(source.path)
+    root = ElementTree.parse(source.path).getroot()
     if root.tag != "commonRoad" or root.get("commonRoadVersion") != FORMAT:
         raise RecordingError(
             f"it is <{root.tag}> of {root.get('commonRoadVersion', '')!r}, not CommonRoad's format {FORMAT}",
@@ -40,18 +42,14 @@ def read(source: Source) -> Tracks:
             remedy="write it again with a version of commonroad-io that writes this format",
         )
     lost = [name for tag, name in _NOT_READ.items() for _ in root.iterfind(tag)]
-    tracks, bicycles = [], 0
-    try:
-        dt = float(root.attrib["timeStepSize"])
-        for obstacle in root.iterfind("dynamicObstacle"):
-            kind = obstacle.findtext("type", "")
-            bicycles += kind == "bicycle"
-            if kind in KINDS:
-                tracks.append(_track(obstacle, KINDS[kind], dt))
-            else:
-                lost.append(kind)
-    except (ValueError, KeyError) as error:
-        raise RecordingError(str(error), place=str(source.path), remedy="download it again") from error
+    tracks, bicycles, dt = [], 0, float(root.attrib["timeStepSize"])
+    for obstacle in root.iterfind("dynamicObstacle"):
+        kind = obstacle.findtext("type", "")
+        bicycles += kind == "bicycle"
+        if kind in KINDS:
+            tracks.append(_track(obstacle, KINDS[kind], dt))
+        else:
+            lost.append(kind)
     origin = [root.get(name, "") for name in ("author", "affiliation", "source")]
     facts = {"name": root.get("benchmarkID", ""), "attribution": "; ".join(filter(None, origin))}
     facts |= {"assumed": f"{bicycles} bicycles are motorcycles"} if bicycles else {}

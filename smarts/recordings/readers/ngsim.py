@@ -10,7 +10,7 @@ import pandas as pd
 
 from smarts.recordings.headings import infer_headings
 from smarts.recordings.reading import Source
-from smarts.recordings.tracks import RecordingError, Track, Tracks
+from smarts.recordings.tracks import Track, Tracks
 from smarts.types.vehicles import VehicleKind
 
 FOOT = 0.3048
@@ -21,19 +21,8 @@ COLUMNS = {0: "vehicle", 3: "ms", 4: "x", 5: "y", 8: "length", 9: "width", 10: "
 
 
 def read(source: Source) -> Tracks:
-    """Return the vehicles, x across the road and y along it [m]; the file has the middle of the front bumper.
-
-    Raises:
-        RecordingError: A column is missing, or has no numbers.
-    """
-    try:
-        table = pd.read_csv(source.path, sep=r"\s+", header=None, usecols=list(COLUMNS), dtype=float)
-    except (ValueError, pd.errors.ParserError) as error:
-        raise RecordingError(
-            f"it has not the 18 or 24 columns of numbers of NGSIM's text files: {error}",
-            place=str(source.path),
-            remedy="give the text file of one place and time, as it is in the data set's archives",
-        ) from error
+    """Return the vehicles, x across the road and y along it [m], both of centres; the file has front bumpers."""
+    table = pd.read_csv(source.path, sep=r"\s+", header=None, usecols=list(COLUMNS), dtype=float)
     tracks, first = [], table[3].min()
     for vehicle, rows in table.rename(columns=COLUMNS).sort_values("ms").groupby("vehicle"):
         t = (rows["ms"].to_numpy() - first) / 1000

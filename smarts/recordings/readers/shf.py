@@ -9,7 +9,7 @@ from contextlib import closing
 import numpy as np
 
 from smarts.recordings.reading import Source, left_out, tracks_of_rows
-from smarts.recordings.tracks import RecordingError, Tracks
+from smarts.recordings.tracks import Tracks
 from smarts.types.vehicles import VehicleKind
 
 KINDS = {
@@ -22,21 +22,12 @@ KINDS = {
 
 
 def read(source: Source) -> Tracks:
-    """Return the vehicles of a history; positions are centres, headings there begin at north.
-
-    Raises:
-        RecordingError: It is no such database, or a table or column is missing.
-    """
-    try:
-        with closing(sqlite3.connect(f"{source.path.resolve().as_uri()}?mode=ro", uri=True)) as database:
-            vehicles = database.execute("SELECT id, type, length, width FROM Vehicle").fetchall()
-            rows = database.execute(
-                "SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed FROM Trajectory"
-            ).fetchall()
-    except sqlite3.Error as error:
-        raise RecordingError(
-            f"it is no history of SMARTS 2: {error}", place=str(source.path), remedy="make it again there"
-        ) from error
+    """Return the vehicles of a history; positions are centres, headings there begin at north."""
+    with closing(sqlite3.connect(f"{source.path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        vehicles = database.execute("SELECT id, type, length, width FROM Vehicle").fetchall()
+        rows = database.execute(
+            "SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed FROM Trajectory"
+        ).fetchall()
     users = {
         name: (KINDS[kind], float(length or math.nan), float(width or math.nan))
         for name, kind, length, width in vehicles

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ElementTree
+from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
 from smarts.geometry.frames import heading_from_compass
 from smarts.recordings.reading import SIZES, Source, left_out, tracks_of_rows
-from smarts.recordings.tracks import RecordingError, Tracks
+from smarts.recordings.tracks import Tracks
 from smarts.types.vehicles import VehicleKind
 
 KINDS = {kind.name.lower(): kind for kind in VehicleKind} | {"bicycle": VehicleKind.MOTORCYCLE}
@@ -18,26 +18,18 @@ _SAMPLE = ("x", "y", "angle", "speed")
 
 
 def read(source: Source) -> Tracks:
-    """Return the vehicles; the file has no sizes, and the middle of the front bumper.
-
-    Raises:
-        RecordingError: It is not XML, or a vehicle lacks an attribute or has one that is no number.
-    """
+    """Return the vehicles; the file has no sizes, and the middle of the front bumper."""
     types: dict[str, str] = {}
     persons, names, rows = set(), [], []
-    try:
-        for _, step in ElementTree.iterparse(source.path):
-            if step.tag == "timestep":
-                for user in step.iterfind("vehicle"):
-                    types.setdefault(user.attrib["id"], user.get("type", "").lower())
-                    names.append(user.attrib["id"])
-                    rows.append([step.attrib["time"], *(user.attrib[name] for name in _SAMPLE)])
-                persons |= {user.get("id") for user in step.iterfind("person")}
-                step.clear()
-        samples = np.array(rows, float).reshape(-1, 5)
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
-        problem = f"a vehicle has no {error}" if isinstance(error, KeyError) else str(error)
-        raise RecordingError(problem, place=str(source.path), remedy="write it again with SUMO") from error
+    for _, step in iterparse(source.path):
+        if step.tag == "timestep":
+            for user in step.iterfind("vehicle"):
+                types.setdefault(user.attrib["id"], user.get("type", "").lower())
+                names.append(user.attrib["id"])
+                rows.append([step.attrib["time"], *(user.attrib[name] for name in _SAMPLE)])
+            persons |= {user.get("id") for user in step.iterfind("person")}
+            step.clear()
+    samples = np.array(rows, float).reshape(-1, 5)
     kinds = {
         name: next((KINDS[word] for word in KINDS if word in of), VehicleKind.PASSENGER)
         for name, of in types.items()
