@@ -21,7 +21,7 @@ COLUMNS = {0: "vehicle", 3: "ms", 4: "x", 5: "y", 8: "length", 9: "width", 10: "
 
 
 def read(source: Source) -> Tracks:
-    """Return the vehicles, x across the road and y along it [m], both of centres; the file has front bumpers."""
+    """Return the vehicles, x across the road and y along it [m]; the file has them of front bumpers."""
     table = pd.read_csv(source.path, sep=r"\s+", header=None, usecols=list(COLUMNS), dtype=float)
     tracks, first = [], table[3].min()
     for vehicle, rows in table.rename(columns=COLUMNS).sort_values("ms").groupby("vehicle"):
