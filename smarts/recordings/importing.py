@@ -22,7 +22,7 @@ _MARKS: dict[MapKind, re.Pattern[bytes]] = {
     "commonroad": re.compile(rb"<commonRoad\b"),
     "lanelet2": re.compile(rb"v=['\"]lanelet['\"]"),
 }
-_SCENARIO = '''"""{name}: recorded traffic, imported from {source}. Licence: {licence}."""
+_SCENARIO = '''"""Recorded traffic; import.txt says where it comes from, and under which licence."""
 
 from pathlib import Path
 
@@ -97,7 +97,7 @@ def import_recording(
         (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
         if report.is_traffic and map_source:
             middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
-            (folder / SCRIPT).write_text(_SCENARIO.format(**tracks.facts, middle=middle), encoding="utf-8")
+            (folder / SCRIPT).write_text(_SCENARIO.format(middle=middle), encoding="utf-8")
     return lines
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from benchmark.cli import main
 from smarts.recordings.tracks import read_tracks
+from smarts.sstudio import build_scenario
 from tests.recording_files import commonroad, lanelet, obstacle
 
 ROAD = lanelet("1", [(0, 0), (100, 0)], successors="2"), lanelet("2", [(100, 0), (200, 0)])
@@ -56,7 +57,7 @@ def test_a_recording_with_its_map_becomes_a_scenario(importing, tmp_path):
     assert (folder / "import.txt").read_text() == text.replace("wrote out\n", "")
     facts = read_tracks(folder).facts
     assert (facts["licence"], facts["is_traffic"], facts["source"]) == ("CC0", "true", "x.xml")
-    compile((folder / "scenario.py").read_text(), "scenario.py", "exec")
+    assert [*build_scenario(folder).traffic] == ["recorded"]
     code, text = importing(commonroad(tmp_path / "y.xml", *ROAD, *cars()))
     assert code == 2
     assert "there is something already" in text
