@@ -11,17 +11,8 @@ from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.binding import Replaceable, bind
 from smarts.providers.gates import find_too_close
-from smarts.providers.recorded import state
-from smarts.providers.recorded.following import body_of, find_leader, nearest_place
-from smarts.providers.recorded.stepping import (
-    MOST_OFFSET,
-    MOST_TURN,
-    enter,
-    find_due,
-    find_new,
-    step,
-    take,
-)
+from smarts.providers.recorded import following, state, stepping
+from smarts.providers.recorded.stepping import MOST_OFFSET, MOST_TURN
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.recordings.log import Log, lane_path, lanes_onward
 from smarts.recordings.paths import Paths
@@ -79,12 +70,12 @@ class Recorded(TrafficEngine):
         self._found = np.zeros((2, world.vehicles.alive.size), np.int32)
         self._left = np.zeros_like(self._found)
         self._find_too_close = bind(find_too_close, world.vehicles)
+        kernels = stepping.step, stepping.find_new, stepping.find_due, stepping.enter, stepping.take
         self._step, self._find_new, self._find_due, self._enter, self._take_over = (
-            bind(each, self._traffic) for each in (step, find_new, find_due, enter, take)
+            bind(each, self._traffic) for each in kernels
         )
-        self._find_leader, self._body_of, self._nearest_place = (
-            bind(each, self._traffic) for each in (find_leader, body_of, nearest_place)
-        )
+        self._acceleration = bind(following.acceleration, self._traffic)
+        self._nearest_place = bind(following.nearest_place, self._traffic)
 
     @property
     def is_full(self) -> Bools:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -180,7 +171,7 @@ class Recorded(TrafficEngine):
             return Refusal.HEADING
         if overlaps:
             return Refusal.TOO_CLOSE
-        needed = self._find_leader(row, slot, self._body_of(row, slot), path, s, False)[0]
+        needed = self._acceleration(row, slot, path, s, False)
         return Refusal.SPEED if needed < -BRAKING else Refusal.NONE
 
     def _log(self, file: Path) -> range:

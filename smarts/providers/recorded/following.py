@@ -100,12 +100,13 @@ def pose_on_path(paths: Paths, car: Record) -> Pose:
 
 
 @kernel
-def body_of(n: Recorded, b: int, slot: int) -> Body:
-    """Return what `find_leader` needs to know of a vehicle that the engine drives."""
+def acceleration(n: Recorded, b: int, slot: int, p: int, s: float, ignores_log: bool) -> float:
+    """Return how a vehicle that is there has to accelerate for what is on a path; see `find_leader`."""
     v, track = n.vehicles, n.cars[b, slot].track
     headway = float(n.paths.headway[track]) if track >= 0 else DEFAULT_HEADWAY
     x, y = v.position[b, slot, 0], v.position[b, slot, 1]
-    return x, y, 0.5 * v.length[b, slot], 0.5 * v.width[b, slot], headway, v.speed[b, slot]
+    body = x, y, 0.5 * v.length[b, slot], 0.5 * v.width[b, slot], headway, v.speed[b, slot]
+    return find_leader(n, b, slot, body, p, s, ignores_log)[0]
 
 
 @kernel

@@ -12,20 +12,8 @@ from smarts.arrays import Bools, Ints
 from smarts.geometry.boxes import Pose, box_gaps
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
-from smarts.providers.recorded.following import (
-    ACCEL,
-    DECEL,
-    HARDEST,
-    body_of,
-    find_leader,
-    is_driven,
-    join,
-    nearest_place,
-    offset_of,
-    pace_at,
-    pose_on_path,
-    scheduled_speed,
-)
+from smarts.providers.recorded import following
+from smarts.providers.recorded.following import ACCEL, DECEL, HARDEST, is_driven
 from smarts.providers.recorded.state import Course, Entry, Recorded
 from smarts.recordings.gaps import STANDING_GAP, place_at
 
@@ -99,7 +87,7 @@ def _decide(n: Recorded, b: int, slot: int) -> None:
             return
         s = place_at(n.paths, car.track, now - n.dt)[4]
         is_over = now > n.paths.end[car.track] + SLACK and n.paths.is_cut[car.track]
-        if not is_over and find_leader(n, b, slot, body_of(n, b, slot), car.track, s, True)[0] >= 0.0:
+        if not is_over and following.acceleration(n, b, slot, car.track, s, True) >= 0.0:
             return
         car.next_course = _FOLLOWS
         _join_track(n, b, slot)
@@ -113,9 +101,9 @@ def _join_track(n: Recorded, b: int, slot: int) -> None:
     """Let a vehicle follow its own track's path from where it is, if it is near it."""
     v, track = n.vehicles, n.cars[b, slot].track
     x, y = v.position[b, slot, 0], v.position[b, slot, 1]
-    s, offset, turn = nearest_place(n, track, x, y, v.heading[b, slot])
+    s, offset, turn = following.nearest_place(n, track, x, y, v.heading[b, slot])
     if abs(offset) <= MOST_OFFSET and abs(turn) <= MOST_TURN:
-        join(n, b, slot, track, s, offset, turn)
+        following.join(n, b, slot, track, s, offset, turn)
 
 
 @kernel
@@ -125,20 +113,20 @@ def _follow(n: Recorded, b: int, slot: int) -> None:
     now, speed = sim.begin + n.step[b] * n.dt, n.vehicles.speed[b, slot]
     has_schedule = car.path == car.track and now <= paths.end[car.path] + SLACK
     there = before = log_speed = 0.0
-    wanted = pace_at(paths, car.path, car.s)
+    wanted = following.pace_at(paths, car.path, car.s)
     if has_schedule:
         before = place_at(paths, car.track, now - n.dt)[4]
         there = place_at(paths, car.track, now)[4]
         log_speed = (there - before) / n.dt
-        wanted = scheduled_speed(paths, car, before, log_speed)
+        wanted = following.scheduled_speed(paths, car, before, log_speed)
     free = min(speed + ACCEL * n.dt, max(speed - DECEL * n.dt, wanted))
-    allowed = find_leader(n, b, slot, body_of(n, b, slot), car.path, car.s, False)[0]
+    allowed = following.acceleration(n, b, slot, car.path, car.s, False)
     car.next_speed = max(0.0, min(free, speed + n.dt * max(allowed, -HARDEST)))
     if not has_schedule or abs(car.s + car.next_speed * n.dt - there) > ON_PLACE:
         return
-    if abs(car.next_speed - log_speed) > ON_PACE or abs(offset_of(car)[0]) > ON_PLACE:
+    if abs(car.next_speed - log_speed) > ON_PACE or abs(following.offset_of(car)[0]) > ON_PLACE:
         return
-    if find_leader(n, b, slot, body_of(n, b, slot), car.path, car.s, True)[0] >= 0.0:
+    if following.acceleration(n, b, slot, car.path, car.s, True) >= 0.0:
         car.next_course = _ON_LOG
 
 
@@ -157,7 +145,7 @@ def _moves(n: Recorded, b: int, slot: int) -> bool:
     car.s += car.next_speed * n.dt
     if car.s >= paths.point_s[paths.point[car.path + 1] - 1]:
         return False
-    _write(n, b, slot, pose_on_path(paths, car), car.next_speed, False)
+    _write(n, b, slot, following.pose_on_path(paths, car), car.next_speed, False)
     return True
 
 
@@ -216,7 +204,7 @@ def _entry_speed(n: Recorded, b: int, track: int) -> tuple[float, bool]:
         return speed, True
     ignores = not sim.reacts or not is_late
     body = x, y, 0.5 * paths.length[track], 0.5 * paths.width[track], paths.headway[track], speed
-    allowed, gap, leader_speed = find_leader(n, b, -1, body, track, s, ignores)
+    allowed, gap, leader_speed = following.find_leader(n, b, -1, body, track, s, ignores)
     safe = math.sqrt(leader_speed * leader_speed + 2.0 * DECEL * max(0.0, gap - STANDING_GAP))
     if not sim.reacts:
         return (speed if speed <= safe else -1.0), True
@@ -267,7 +255,7 @@ def enter(n: Recorded, b: int, slot: int, track: int) -> None:
     car.generation, car.track, car.path = v.generation[b, slot], track, track
     car.course = _ON_LOG if on_log else _FOLLOWS
     v.speed[b, slot] = speed
-    join(n, b, slot, track, s, 0.0, 0.0)
+    following.join(n, b, slot, track, s, 0.0, 0.0)
     n.entry[b, track - sim.first] = _DONE
     _write(n, b, slot, (x, y, heading), speed, True)
 
@@ -279,7 +267,7 @@ def take(n: Recorded, b: int, slot: int, p: int, s: float, offset: float, turn: 
     if car.generation != v.generation[b, slot]:
         car.generation, car.track = v.generation[b, slot], -1
     car.course = _FOLLOWS
-    join(n, b, slot, p, s, offset, turn)
+    following.join(n, b, slot, p, s, offset, turn)
 
 
 @kernel
@@ -292,4 +280,4 @@ def _write(n: Recorded, b: int, slot: int, pose: Pose, speed: float, is_new: boo
     v.position[b, slot, 0], v.position[b, slot, 1] = pose[0], pose[1]
     v.heading[b, slot], v.speed[b, slot], v.yaw_rate[b, slot] = heading, speed, yaw_rate
     v.lateral_acceleration[b, slot], v.lateral_speed[b, slot] = speed * yaw_rate, 0.0
-    v.desired_speed[b, slot] = pace_at(n.paths, car.path, car.s)
+    v.desired_speed[b, slot] = following.pace_at(n.paths, car.path, car.s)

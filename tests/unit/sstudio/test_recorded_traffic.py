@@ -1,18 +1,28 @@
 """Recorded traffic in scenarios: `Traffic(engine="Recorded", recording=...)`."""
 
 import math
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import perf.recorded
 from smarts.agents import AgentInterface
 from smarts.errors import SmartsError
+from smarts.geometry.boxes import boxes_overlap
+from smarts.providers.recorded.engine import NAME
+from smarts.recordings.importing import import_recording
 from smarts.recordings.log import Log
-from smarts.recordings.tracks import write_tracks
+from smarts.recordings.reading import Source
+from smarts.recordings.tracks import read_tracks, write_tracks
 from smarts.sim.assembly import Options, assemble
 from smarts.sim.schedule import Schedule
+from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.vehicles import Owner
+from tests.recording_files import DATA, needs_data
 from tests.tracks import straight, tracks_of
 from tests.unit.sstudio.sources import scenario, write_cross
 
@@ -64,6 +74,86 @@ def test_a_scenario_plays_its_recording(split):
             assert vehicles.lane[row, slot] == built.roads().lane_number("from_west", 0)
     finally:
         parts.simulation.close()
+
+
+@pytest.mark.parametrize(
+    ("tactic", "taken"),
+    [
+        ('t.IdEntryTactic(0.0, "history-vehicle-3")', "history-vehicle-3"),
+        ('t.TrapEntryTactic(0.0, 30.0, t.MapZone(("from_west", 0, 20), 20, 2))', "history-vehicle-2"),
+    ],
+)
+def test_an_agent_begins_in_a_recorded_vehicle(tmp_path, tactic, taken):
+    mission = f't.EndlessMission(("from_west", 0, 10), entry_tactic={tactic})'
+    write(tmp_path / "one", f'traffic={{"a": {recorded(begin=6.0)}}}, ego_missions=[{mission}]')
+    parts = assemble([build_scenario(tmp_path / "one")], [AgentInterface(action=ActionSpaceType.Lane)])
+    try:
+        parts.simulation.reset({0: parts.schedule.start(0, 0)})
+        for _ in range(60):
+            world = parts.simulation.step(parts.actions, np.ones(1, bool), np.ones((1, 1), bool)).world
+        (slot,) = np.flatnonzero(world.vehicles.owner[0] == Owner.AGENT)
+        assert world.registry.name(0, slot) == taken
+        assert world.agents.slot[0, 0] == slot
+    finally:
+        parts.simulation.close()
+
+
+@pytest.fixture(scope="module")
+def west(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scenarios") / "west"
+    file = DATA / "mona" / "DEU_MONAWest-2_1_T-300.xml"
+    import_recording(Source(file), folder, licence="CC BY-NC 4.0")
+    return build_scenario(folder)
+
+
+@needs_data
+def test_mona_west_is_played_as_it_was_recorded(west):
+    made, compared = read_tracks(west.source), 0
+    with traffic_run(west, "recorded") as run:
+        for states in run.steps(60.0):
+            t, names = run.world.time[0], run.world.registry
+            found = {names.name(0, slot).removeprefix(NAME): slot for slot in np.flatnonzero(states.alive)}
+            first, last = made.t[made.start[:-1]], made.t[made.start[1:] - 1]
+            is_there = (first <= t + 1e-6) & (last >= t - 1e-6)
+            assert set(found) == {name for name, here in zip(made.names, is_there, strict=True) if here}
+            for row in np.flatnonzero(np.abs(made.t - t) < 1e-6):
+                slot = found[made.names[made.track[row]]]
+                assert np.hypot(*(states.position[slot] - (made.x[row], made.y[row]))) < 0.01
+                compared += 1
+        assert compared > 4700
+        assert not run.engine.sims["delayed"].any()
+
+
+def brake(west, mode, episodes):
+    """Brake one vehicle of each episode to a stand; return the accelerations of those that hit it."""
+    files, draws, found = west.traffic["recorded"], np.random.default_rng(7), []
+    west.traffic["recorded"] = replace(files, recording=replace(files.recording, mode=mode, latest=45.0))
+    for episode in range(episodes):
+        with traffic_run(west, "recorded", episode=episode) as run:
+            steps, hit = run.steps(8.0), set()
+            v = next(steps)
+            slot = draws.choice(np.flatnonzero(v.alive & (v.speed > 6.0)))
+            v.owner[slot] = Owner.AGENT
+            course = np.array([np.cos(v.heading[slot]), np.sin(v.heading[slot])])
+            for _ in range(79):
+                v.speed[slot] = max(0.0, v.speed[slot] - 0.8)
+                v.position[slot] += 0.1 * v.speed[slot] * course
+                next(steps)
+                boxes = v.position, v.heading, np.stack([v.length, v.width], -1)
+                touched = v.alive & boxes_overlap(*(each[slot] for each in boxes), *boxes)
+                touched[slot] = False
+                new = set(np.flatnonzero(touched).tolist()) - hit
+                hit |= new
+                found += v.acceleration[[*new]].tolist()
+    west.traffic["recorded"] = files
+    return found
+
+
+@needs_data
+def test_vehicles_brake_for_one_that_stops_among_them(west):
+    assert len(brake(west, "log", 10)) >= 10
+    # Who cuts in when it is too late brakes as hard as it can.
+    assert all(acceleration < -7.9 for acceleration in brake(west, "reactive", 20))
 
 
 def test_train_and_test_share_no_time(split):
@@ -159,6 +249,16 @@ def test_engines_do_not_drive_what_they_cannot(split):
         Schedule([built], ["ego"], engine="SUMO")
     with pytest.raises(SmartsError, match="'Recorded' cannot drive"):
         Schedule([build_scenario("intersection")], ["ego"], engine="Recorded")
+
+
+@pytest.mark.nightly
+def test_its_time_is_measured_beside_sumos(split, monkeypatch, capsys):
+    options = ["--traffic", "early", "--worlds", "2", "--seconds", "20"]
+    monkeypatch.setattr(sys, "argv", ["recorded", str(split), *options])
+    perf.recorded.main()
+    rows = [line.rsplit(maxsplit=3) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[0] for row in rows] == ["SUMO", "Recorded, log", "Recorded, reactive"]
+    assert all(2.0 < float(row[1]) < 8.0 for row in rows)
 
 
 def test_a_changed_recording_is_built_again(tmp_path):
