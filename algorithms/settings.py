@@ -293,6 +293,7 @@ class CommNetSettings(A2CSettings):
     epochs: Count = 1  # type: ignore[reportIncompatibleVariableOverride]
     """Passes over each rollout; several steps on a rollout are PPO's."""
     minibatch_size: Count | None = None  # type: ignore[reportIncompatibleVariableOverride]
+    """Joint rows, of N correlated agents each, per gradient step; null: the whole rollout."""
     clip: Positive = 0.2
     """Largest rewarded change of an action's probability ratio, where several steps are on a rollout."""
 
