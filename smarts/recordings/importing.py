@@ -66,14 +66,7 @@ def import_recording(
             not empty.
         MapError: The map is broken.
     """
-    if not licence.strip():
-        raise RecordingError(
-            "the licence of the data is not named",
-            place=str(source.path),
-            remedy="read it where the data was had, and name it: --licence 'CC BY 4.0'",
-        )
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RecordingError("there is something already", place=str(out), remedy="choose another --out")
+    _check_request(source, out, licence)
     tracks = read(source, format)
     said: list[str] = []
     if not as_recorded:
@@ -92,13 +85,28 @@ def import_recording(
         facts = {"licence": licence.strip(), "is_traffic": str(report.is_traffic).lower()}
         facts |= {"attribution": attribution} if attribution else {}
         tracks = replace(tracks, facts={**tracks.facts, **facts})
-        write_tracks(tracks, folder)
         lines = _lines(tracks, report, said, notes)
-        (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
-        if report.is_traffic and map_source:
-            middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
-            (folder / SCRIPT).write_text(_SCENARIO.format(middle=middle), encoding="utf-8")
+        _write(folder, tracks, lines, is_scenario=report.is_traffic and map_source is not None)
     return lines
+
+
+def _check_request(source: Source, out: Path, licence: str) -> None:
+    if not licence.strip():
+        raise RecordingError(
+            "the licence of the data is not named",
+            place=str(source.path),
+            remedy="read it where the data was had, and name it: --licence 'CC BY 4.0'",
+        )
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RecordingError("there is something already", place=str(out), remedy="choose another --out")
+
+
+def _write(folder: Path, tracks: Tracks, lines: list[str], *, is_scenario: bool) -> None:
+    write_tracks(tracks, folder)
+    (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if is_scenario:
+        middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
+        (folder / SCRIPT).write_text(_SCENARIO.format(middle=middle), encoding="utf-8")
 
 
 def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.frames import wrap_angle
-from smarts.recordings.tracks import SAMPLE, Track, Tracks
+from smarts.recordings.tracks import Tracks
 
 MOVING = 2.0
 """Slower vehicles prove nothing [m/s]."""
@@ -36,7 +36,7 @@ def repaired(tracks: Tracks) -> tuple[Tracks, list[str]]:
             f"all headings were turned by {np.degrees(angle):+.2f} degrees against the direction of travel, "
             "and are turned back"
         )
-    apart = _apart(tracks)
+    apart = tracks.apart()
     late = [_true_first_time(each.samples) for each in apart]
     count = sum(first > each.samples[0, 0] for first, each in zip(late, apart, strict=True))
     if count:
@@ -72,12 +72,3 @@ def _true_first_time(samples: Floats) -> float:
     way, mean, dt = np.hypot(np.diff(x), np.diff(y)), (speed[1:] + speed[:-1]) / 2, np.diff(t)
     is_short = way[0] < SHORT * mean[0] * dt[0]
     return t[1] - way[0] / mean[0] if is_short and abs(way[1] / (mean[1] * dt[1]) - 1) < AGREES else t[0]
-
-
-def _apart(tracks: Tracks) -> list[Track]:
-    samples = np.column_stack([getattr(tracks, name) for name in SAMPLE])
-    parts = np.split(samples, tracks.start[1:-1])
-    return [
-        Track(*each)
-        for each in zip(tracks.names, tracks.kind.tolist(), tracks.length, tracks.width, parts, strict=True)
-    ]

@@ -108,13 +108,18 @@ class Tracks:
             **dict(zip(SAMPLE, np.ascontiguousarray(samples.T), strict=True)),
         )
 
+    def apart(self) -> list[Track]:
+        """Return the tracks one by one."""
+        samples = np.column_stack([getattr(self, name) for name in SAMPLE])
+        parts = np.split(samples, self.start[1:-1])
+        columns = (self.names, self.kind.tolist(), self.length, self.width, parts)
+        return [Track(*each) for each in zip(*columns, strict=True)]
+
     def of_samples(self, keeps: Bools) -> Tracks:
         """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone."""
-        rows = np.column_stack([getattr(self, name) for name in SAMPLE])
-        parts = zip(np.split(rows, self.start[1:-1]), np.split(keeps, self.start[1:-1]), strict=True)
-        shapes = zip(self.names, self.kind.tolist(), self.length, self.width, strict=True)
-        kept = ((shape, part[mask]) for shape, (part, mask) in zip(shapes, parts, strict=True) if mask.any())
-        return Tracks.of((Track(*shape, part) for shape, part in kept), self.facts, self.signals)
+        masks = zip(self.apart(), np.split(keeps, self.start[1:-1]), strict=True)
+        kept = (track._replace(samples=track.samples[mask]) for track, mask in masks if mask.any())
+        return Tracks.of(kept, self.facts, self.signals)
 
     def __len__(self) -> int:
         return len(self.names)
