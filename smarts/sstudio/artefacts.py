@@ -25,9 +25,8 @@ from smarts.sstudio.drawn_missions import with_sets
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import drawn_mission
 from smarts.sstudio.executing import Description
-from smarts.sstudio.recorded_traffic import write_log
+from smarts.sstudio.recorded_traffic import WITHOUT_ROUTES, write_log
 from smarts.sstudio.sstypes.map_spec import MapSpec
-from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_files import carried_files, left_out, seconds
 from smarts.sstudio.sumo_writer import sumo_traffic
@@ -65,7 +64,9 @@ def write_artefacts(
         notes.append(note)
     for name, described in (scenario.traffic or {}).items():
         if described.recording:
-            traffic[name] = _write_recorded(folder, name, described.recording, roads, place, directory)
+            at, log = f"{place}: traffic[{name!r}].recording", f"traffic/{quote(name, safe='')}.log.npz"
+            recorded = write_log(described.recording, roads, directory, folder / log, at) | {"log": log}
+            traffic[name] = WITHOUT_ROUTES | {"recording": recorded}
             continue
         traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more
@@ -124,17 +125,6 @@ def _write_traffic(
         files["additional"] = [f"{stem}.add.xml"]
         (folder / files["additional"][0]).write_text(contents.additional, encoding="utf-8")
     return files, list(contents.notes)
-
-
-def _write_recorded(
-    folder: Path, name: str, recording: Recording, roads: LaneGraph, place: str, directory: Path
-) -> dict[str, Any]:
-    log = f"traffic/{quote(name, safe='')}.log.npz"
-    at = f"{place}: traffic[{name!r}].recording"
-    recorded = write_log(recording, roads, directory, folder / log, at) | {"log": log}
-    return {"routes": [], "additional": [], "warm_up": 0.0, "options": {}, "reaction_time": 0.0} | {
-        "recording": recorded
-    }
 
 
 def _add_sumo_files(

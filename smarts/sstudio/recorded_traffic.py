@@ -23,6 +23,8 @@ from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.scenario import Scenario
 from smarts.sstudio.sstypes.traffic import Traffic
 
+WITHOUT_ROUTES = {"routes": [], "additional": [], "warm_up": 0.0, "options": {}, "reaction_time": 0.0}
+"""What the manifest holds of traffic for which SUMO has no files."""
 HISTORY_SOURCES = (*READERS, "INTERACTION", "Waymo", "Argoverse")
 """Formats of traffic histories; those that have no reader are SMARTS 2's."""
 

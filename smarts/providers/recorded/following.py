@@ -101,19 +101,19 @@ def pose_on_path(paths: Paths, car: Record) -> Pose:
 
 @kernel
 def acceleration(n: Recorded, b: int, slot: int, p: int, s: float, ignores_log: bool) -> float:
-    """Return how a vehicle that is there has to accelerate for what is on a path; see `find_leader`."""
+    """Return how a vehicle that is there may accelerate for what is on a path; see `allowed_acceleration`."""
     v, track = n.vehicles, n.cars[b, slot].track
     headway = float(n.paths.headway[track]) if track >= 0 else DEFAULT_HEADWAY
     x, y = v.position[b, slot, 0], v.position[b, slot, 1]
     body = x, y, 0.5 * v.length[b, slot], 0.5 * v.width[b, slot], headway, v.speed[b, slot]
-    return find_leader(n, b, slot, body, p, s, ignores_log)[0]
+    return allowed_acceleration(n, b, slot, body, p, s, ignores_log)
 
 
 @kernel
-def find_leader(
+def allowed_acceleration(
     n: Recorded, b: int, slot: int, body: Body, p: int, s: float, ignores_log: bool
-) -> tuple[float, float, float]:
-    """Return how a vehicle has to accelerate for what is on its path, and what that is.
+) -> float:
+    """Return how a vehicle may accelerate for what is on a path ahead of it [m/s^2].
 
     Args:
         n: Recorded traffic.
@@ -125,13 +125,11 @@ def find_leader(
         ignores_log: Whether vehicles are left out that are where the log has them.
 
     Returns:
-        The acceleration [m/s^2], infinite without a leader, below 0 if the gap is too small; the gap [m];
-        the leader's speed along the path [m/s].
+        Infinite without a leader, below 0 if the gap to one is too small.
     """
-    v = n.vehicles
+    v, least = n.vehicles, np.inf
     x, y, half_length, half_width, headway, speed = body
     reach = 10.0 + speed * headway + 0.25 * speed * speed
-    least, gap, leader_speed = np.inf, np.inf, 0.0
     for other in range(n.used[b]):
         if not v.alive[b, other] or (slot >= 0 and not meets(v, b, slot, other)):
             continue
@@ -142,17 +140,16 @@ def find_leader(
         half_length2, half_width2 = 0.5 * v.length[b, other], 0.5 * v.width[b, other]
         if math.hypot(pose[0] - x, pose[1] - y) > reach + half_length + half_length2:
             continue
-        found, cosine = gap_on_path(
+        gap, cosine = gap_on_path(
             n.paths, p, s, half_length, half_width, reach, pose, half_length2, half_width2
         )
-        if found < np.inf:
+        if gap < np.inf:
             along = max(0.0, v.speed[b, other] * cosine)
             # Vehicles of other providers have made this step already.
-            found = max(SLACK, found if is_own else found - along * n.dt)
-            allowed = ACCEL - idm_interaction(ACCEL, DECEL, headway, STANDING_GAP, found, speed, along)
-            if allowed < least:
-                least, gap, leader_speed = allowed, found, along
-    return least, gap, leader_speed
+            gap = max(SLACK, gap if is_own else gap - along * n.dt)
+            braking = idm_interaction(ACCEL, DECEL, headway, STANDING_GAP, gap, speed, along)
+            least = min(least, ACCEL - braking)
+    return least
 
 
 @kernel

@@ -6,8 +6,6 @@ does not matter.
 
 from __future__ import annotations
 
-import math
-
 from smarts.arrays import Bools, Ints
 from smarts.geometry.boxes import Pose, box_gaps
 from smarts.geometry.compiling import kernel
@@ -15,7 +13,7 @@ from smarts.geometry.segments import wrapped
 from smarts.providers.recorded import following
 from smarts.providers.recorded.following import ACCEL, DECEL, HARDEST, is_driven
 from smarts.providers.recorded.state import Course, Entry, Recorded
-from smarts.recordings.gaps import STANDING_GAP, place_at
+from smarts.recordings.gaps import place_at
 
 SLACK = 1e-6
 """Against rounding of times [s]."""
@@ -195,23 +193,16 @@ def _entry_pose(n: Recorded, b: int, track: int) -> tuple[float, float, float, f
 
 
 @kernel
-def _entry_speed(n: Recorded, b: int, track: int) -> tuple[float, bool]:
-    """Return the speed with which a vehicle can enter, -1 if it has to wait, and whether it is on the log."""
+def _can_brake(n: Recorded, b: int, track: int) -> bool:
+    """Return whether a vehicle that enters brakes in time; in mode "log" only if it comes late."""
     sim, paths = n.sims[b], n.paths
     is_late = n.entry[b, track - sim.first] == _DELAYED
-    x, y, _, speed, s = _entry_pose(n, b, track)
     if not sim.reacts and not is_late:
-        return speed, True
-    ignores = not sim.reacts or not is_late
+        return True
+    x, y, _, speed, s = _entry_pose(n, b, track)
     body = x, y, 0.5 * paths.length[track], 0.5 * paths.width[track], paths.headway[track], speed
-    allowed, gap, leader_speed = following.find_leader(n, b, -1, body, track, s, ignores)
-    safe = math.sqrt(leader_speed * leader_speed + 2.0 * DECEL * max(0.0, gap - STANDING_GAP))
-    if not sim.reacts:
-        return (speed if speed <= safe else -1.0), True
-    if allowed >= 0.0 and not is_late:
-        return speed, True
-    speed = min(speed, safe)
-    return (speed if gap >= 0.5 * (STANDING_GAP + paths.headway[track] * speed) else -1.0), False
+    ignores = not (sim.reacts and is_late)
+    return following.allowed_acceleration(n, b, -1, body, track, s, ignores) >= -DECEL
 
 
 @kernel
@@ -229,7 +220,7 @@ def _has_room(n: Recorded, b: int, track: int, listed: Ints, first: int, end: in
     for place in range(first, end):
         if _gap(own, _entry_box(n, b, listed[place])) < 0.0:
             return False
-    return _entry_speed(n, b, track)[0] >= 0.0
+    return _can_brake(n, b, track)
 
 
 @kernel
@@ -248,13 +239,11 @@ def _entry_box(n: Recorded, b: int, track: int) -> Box:
 @kernel
 def enter(n: Recorded, b: int, slot: int, track: int) -> None:
     """Begin to drive a vehicle that has got its slot in this step."""
-    sim, car, v = n.sims[b], n.cars[b, slot], n.vehicles
-    speed, on_log = _entry_speed(n, b, track)
-    speed = max(0.0, speed)
-    x, y, heading, _, s = _entry_pose(n, b, track)
-    car.generation, car.track, car.path = v.generation[b, slot], track, track
-    car.course = _ON_LOG if on_log else _FOLLOWS
-    v.speed[b, slot] = speed
+    sim, car = n.sims[b], n.cars[b, slot]
+    x, y, heading, speed, s = _entry_pose(n, b, track)
+    is_late = n.entry[b, track - sim.first] == _DELAYED
+    car.course = _FOLLOWS if sim.reacts and is_late else _ON_LOG
+    car.generation, car.track = n.vehicles.generation[b, slot], track
     following.join(n, b, slot, track, s, 0.0, 0.0)
     n.entry[b, track - sim.first] = _DONE
     _write(n, b, slot, (x, y, heading), speed, True)

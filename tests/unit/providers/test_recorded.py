@@ -294,10 +294,10 @@ def test_a_vehicle_that_is_given_back_far_from_its_path_follows_the_lane_there(p
     play.reset(play.log([straight("a", 0.0, 40.0, 0.0, 0.0, 12.0)]), mode="reactive")
     play.step(10)
     assert give_back(play, "a", 3.2 + 1.2, heading=0.4)[1] == Refusal.HEADING
-    play.reset(play.log([straight("a", 0.0, 40.0, 0.0, 0.0, 12.0)]), mode="reactive", agents=[(30.0, 0.0)])
+    play.reset(play.log([straight("a", 0.0, 40.0, 0.0, 0.0, 12.0)]), mode="reactive", agents=[(80.0, 0.0)])
     play.step(3)
     slot = play.slot("a")
-    play.vehicles.position[0, slot, 0] = 21.0
+    play.vehicles.position[0, slot, 0] = 71.0
     play.vehicles.speed[0, slot] = 12.0
     play.vehicles.owner[0, slot] = Owner.AGENT
     play.step()
