@@ -21,9 +21,9 @@ from benchmark.metrics import METRICS
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND
 from benchmark.results.files import write_versioned
-from benchmark.results.reading import LABELS, MEETS, PLACE, PROGRESS, RUNS, read_results
+from benchmark.results.reading import CONDITION, LABELS, MEETS, PLACE, PROGRESS, RUNS, read_results
 from benchmark.results.release import RATES
-from benchmark.results.robustness import CONDITION, PARTNER, ROBUSTNESS, plays_of
+from benchmark.results.robustness import PARTNER, ROBUSTNESS, plays_of
 from benchmark.results.run_folder import TABLE
 
 BITS = 24

@@ -15,8 +15,9 @@ from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, condition_label
+from benchmark.results.reading import CONDITION
 from benchmark.results.release import RATES
-from benchmark.results.robustness import CONDITION, PARTNER, Played, read_played, reference_rows
+from benchmark.results.robustness import PARTNER, Played, read_played, reference_rows
 from benchmark.statistics import holm
 
 TITLE = "Cross-play and robustness"

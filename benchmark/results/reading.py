@@ -10,7 +10,7 @@ robustness/       runs.json: place of a play -> content of its play.json; episod
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,6 +23,8 @@ from benchmark.experiment.models import Contrasts, Experiment
 from benchmark.experiment.runs import (
     SCRIPTED,
     SCRIPTED_SEED,
+    TEST,
+    TESTED,
     VERSION,
     scripted_runs_of,
     training_folder,
@@ -72,7 +74,8 @@ LABELS = {
 }
 """Columns that every table of a run has."""
 CONDITION = "condition"
-"""Column of tables of tests with several: name of the condition in the task's `test`."""
+"""Column of tables of tests with several: name of the condition in the task's `test`; of plays
+of `robustness`, that in `conditions.yaml`."""
 MEETS = "meets"
 """Column of tables of tests: 1 for agents with a way that meets another agent's; see
 `benchmark.running.meetings`. NaN without a way to a goal; older tables lack it."""
@@ -112,6 +115,11 @@ class RunResult:
     def scenarios(self) -> Mapping[str, str]:
         """Name -> digest of each scenario; empty if not recorded."""
         return self.facts.get(SCENARIOS, {})
+
+    @property
+    def test(self) -> Sequence[Mapping[str, Any]]:
+        """Conditions that the task gave its test; empty without any."""
+        return (self.facts.get(TESTED) or {}).get(TEST, ())
 
     @property
     def benchmark_version(self) -> int | None:

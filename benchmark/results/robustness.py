@@ -7,7 +7,7 @@ robustness/TASK/TRAFFIC/CONDITION/seed_SEED/EVEN+ODD/
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,14 +20,14 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
 from benchmark.results.files import read_versioned
-from benchmark.results.reading import Results, RunResult, packed_contents, packed_rows
+from benchmark.results.reading import CONDITION, Results, RunResult, packed_contents, packed_rows
 from smarts.errors import SmartsError
 
 ROBUSTNESS = "robustness"
 """Folder of an experiment's results."""
 PLAY, TABLE = "play.json", "episodes.parquet"
-PARTNER, CONDITION = "partner", "condition"
-"""Columns that the table of a play has beside those of a test."""
+PARTNER = "partner"
+"""Column that the table of a play has beside those of a test: who drives the other agents."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,14 @@ def reference_rows(results: Results, task: str, traffic: str, name: str, seed: i
     if run is None or run.table is None:
         return None
     mode = SCRIPTED if run.is_scripted else "greedy"
-    return run.table[(run.table["split"] != "held_out") & (run.table["mode"] == mode)]
+    rows = run.table[(run.table["split"] != "held_out") & (run.table["mode"] == mode)]
+    played = played_condition(run.test, traffic)
+    return rows if played is None else rows[rows[CONDITION].str.removesuffix(" (seen)") == played["name"]]
+
+
+def played_condition(test: Sequence[Mapping[str, Any]], traffic: str) -> Mapping[str, Any] | None:
+    """Return the condition of a test that is played: the first in the task's traffic, or else the first."""
+    return min(test, key=lambda each: each["traffic"] not in (None, traffic), default=None)
 
 
 def _run_of(results: Results, task: str, traffic: str, name: str, seed: int) -> RunResult | None:

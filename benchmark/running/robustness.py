@@ -13,16 +13,25 @@ from typing import Any
 import numpy as np
 
 from benchmark.experiment.conditions import AS_TRAINED, condition, conditions
-from benchmark.experiment.models import EMPTY_ROADS, Evaluation
+from benchmark.experiment.models import EMPTY_ROADS, Evaluation, TestCondition
 from benchmark.experiment.own_code import own_digests
-from benchmark.experiment.runs import OWN_CODE, Run, TaskSetting
+from benchmark.experiment.runs import OWN_CODE, TEST, Run, TaskSetting
 from benchmark.metrics import read_table, write_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned
-from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.reading import CONDITION, Results, RunResult, read_results
 from benchmark.results.release import RATES
-from benchmark.results.robustness import CONDITION, PARTNER, PLAY, ROBUSTNESS, TABLE, Play, trained_state
+from benchmark.results.robustness import (
+    PARTNER,
+    PLAY,
+    ROBUSTNESS,
+    TABLE,
+    Play,
+    played_condition,
+    reference_rows,
+    trained_state,
+)
 from benchmark.results.run_folder import RunFolder, changes_since
 from benchmark.results.versions import check_one_version
 from benchmark.running.importing import named_own_code
@@ -81,6 +90,13 @@ class Policies:
     """Names of scripted policies by label."""
 
     @property
+    def played(self) -> tuple[TestCondition, ...]:
+        """The condition of the test that is played; empty if the task gives it none."""
+        test = self.setting.task.test
+        found = played_condition([each.model_dump() for each in test], self.setting.traffic)
+        return tuple(each for each in test if found and each.name == found["name"])
+
+    @property
     def setting(self) -> TaskSetting:
         """How the policies were trained and tested, apart from the algorithm."""
         return next(iter(self.runs.values())).task_setting
@@ -137,7 +153,7 @@ def _policies(results: Results, task: str, traffic: str, seed: int, given: Given
         if (run.task, run.traffic, run.seed) == (task, traffic, seed)
         and (not given.algorithms or run.algorithm in given.algorithms)
     }
-    tested = min((_tested(run.table) for run in found.values() if run.table is not None), default=0)
+    tested = min((_tested(results, run) for run in found.values() if run.table is not None), default=0)
     episodes = given.episodes or min(EPISODES, tested)
     problem, remedy = _lack(found, episodes, tested)
     runs = {} if problem else {name: _read(results.root, run, given) for name, run in found.items()}
@@ -164,10 +180,10 @@ def _lack(found: Mapping[str, RunResult], episodes: int, tested: int) -> tuple[s
     return "", ""
 
 
-def _tested(table: Frame) -> int:
-    """Return the number of greedy episodes of a test."""
-    rows = table[(table["mode"] == "greedy") & (table["split"] != "held_out") & ~table["is_invalid"]]
-    return int(rows["world"].nunique())
+def _tested(results: Results, run: RunResult) -> int:
+    """Return the number of greedy episodes of a test with which plays are compared."""
+    rows = reference_rows(results, run.task, run.traffic, run.algorithm, run.seed)
+    return 0 if rows is None else int(rows.loc[~rows["is_invalid"], "world"].nunique())
 
 
 def _read(root: Path, run: RunResult, given: Given) -> Run:
@@ -255,6 +271,7 @@ def _wanted(policies: Policies, play: Play) -> dict[str, Any]:
         "episodes": policies.episodes,
         "environment": {} if play.condition == AS_TRAINED else condition(play.condition).environment,
         "trained": {name: policies.trained[name] for name in play.drivers if name in policies.trained},
+        **({TEST: [each.model_dump(mode="json") for each in policies.played]} if policies.played else {}),
         OWN_CODE: own_digests(policies.setting.imports, scripted),
     }
 
@@ -281,7 +298,7 @@ def _play(policies: Policies, play: Play, facts: Mapping[str, Any]) -> None:
 
     options = {"policy": "+".join(play.drivers), **_observations(policies, play)}
     options["discount"] = next((policy.discount for policy in trained.values()), None)
-    labels = {"algorithm": "", "training_seed": policies.seed, PARTNER: "", CONDITION: play.condition}
+    labels = {"algorithm": "", "training_seed": policies.seed}
     with (
         tempfile.TemporaryDirectory(prefix="smarts-bench-") as scratch,
         named_own_code(f"a policy of {play}"),
@@ -305,6 +322,7 @@ def _setting(policies: Policies, play: Play) -> TaskSetting:
     given = policies.setting.environment
     return replace(
         policies.setting,
+        task=policies.setting.task.model_copy(update={TEST: policies.played}),
         environment=given if play.condition == AS_TRAINED else condition(play.condition).of(given),
         evaluation=Evaluation(episodes=policies.episodes, modes=("greedy",)),
         metrics=RATES,
@@ -342,10 +360,10 @@ def _at_even_places(setting: TaskSetting) -> list[str]:
 
 
 def _by_driver(table: Frame, play: Play, even: Sequence[str]) -> Frame:
-    """Return the rows with each agent's policy as `algorithm`, and that of the other agents as `partner`."""
+    """Return the rows with who drives the agent, who the others, and under which condition."""
     is_even = table["agent"].isin([*even])
     drivers = np.where(is_even, play.even, play.odd)
     partners = np.where(is_even, play.odd, play.even)
-    answer = table.assign(**{"algorithm": drivers, PARTNER: partners})
+    answer = table.assign(**{"algorithm": drivers, PARTNER: partners, CONDITION: play.condition})
     answer.attrs[COUNTS] = table.attrs[COUNTS]
     return answer

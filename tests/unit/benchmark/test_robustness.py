@@ -33,7 +33,12 @@ TASK, TRAFFIC = "intersection", "random_social_vehicles"
 TINY = """
 name: tiny
 algorithms: [commnet, ppo]
-tasks: [intersection]
+tasks:
+  - name: intersection
+    scenarios: [intersection]
+    test:
+      - {name: alone, scenarios: [intersection], traffic: no_social_vehicles, seen: true}
+      - {name: crossing, scenarios: [intersection], seen: true}
 traffic: [random_social_vehicles]
 seeds: [1]
 environment: {agents: 3, time_limit: 12, observation: neighbor_rows}
@@ -112,6 +117,17 @@ def run_place(root, name):
 def test_a_condition_that_changes_nothing_plays_the_test_again(played, name):
     play = read_table(played / Play(TASK, TRAFFIC, "neutral", name, name, 1).folder / TABLE)
     assert rows(play) == of_test(played, name)
+
+
+def test_of_two_conditions_of_the_test_the_first_in_the_training_s_traffic_is_played(played):
+    play = read_table(played / Play(TASK, TRAFFIC, "neutral", "ppo", "ppo", 1).folder / TABLE)
+    assert len(play) == 3 * 3
+    assert set(play["condition"]) == {"neutral"}
+    assert set(play["traffic"]) == {TRAFFIC}
+    own = reference_rows(read_results(played), TASK, TRAFFIC, "ppo", 1)
+    assert set(own["condition"]) == {"crossing (seen)"}
+    between = read_table(played / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "parked", 1).folder / TABLE)
+    assert set(between["condition"]) == {AS_TRAINED}
 
 
 def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch):
