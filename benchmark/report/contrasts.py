@@ -35,17 +35,20 @@ COLUMNS = {
     "difference": "Of the means over training seeds",
     "95% interval": "Welch's, of this difference alone",
     "p": "Two-sided, that further seeds would not differ",
-    "corrected p": "After Holm over all contrasts",
+    "corrected p": "After Holm over all contrasts; what is unfinished counts as 1",
     "seeds": "Training seeds of the first and the second",
     **{f"power {gap:g}": f"Chance that a true difference of {gap:g} is found" for gap in GAPS},
 }
 NOTE = (
     "{label} of each training seed, mean over {conditions}. Welch's t-test with training seeds as the unit, "
-    "corrected after Holm over all rows. Power: the share of 2,000 simulated experiments with "
-    "normally distributed seeds of the spread that is seen, and this true difference, whose p is below "
-    "{level:g} divided by their number, the strictest that Holm asks for."
+    "corrected after Holm over all rows, unfinished ones included. Power: the share of 2,000 simulated "
+    "experiments with normally distributed seeds of the spread that is seen, and this true difference, "
+    "whose p is below {level:g} divided by their number, the strictest that Holm asks for."
 )
+NO_SPREAD = "no spread"
+"""In place of the interval where the training seeds of each side are equal."""
 NEW = " They are NOT those of the first command of these results: what it found may have chosen them."
+OTHER = " A later command has other contrasts, or none; they are not shown."
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Contrast:
 
 
 def contrasts_of(report: Report) -> list[Contrast]:
-    """Return the contrasts of an experiment in each task and traffic that has all their conditions."""
+    """Return the contrasts that an experiment has fixed, finished or not, in each task and traffic."""
     given, table = report.results.contrasts, report.results.table
     if given is None or NAME not in table:
         return []
@@ -80,7 +83,7 @@ def contrasts_of(report: Report) -> list[Contrast]:
         Contrast(
             first, second, place, (values.get((*place, first), none), values.get((*place, second), none))
         )
-        for place in dict.fromkeys(key[:2] for key in values)
+        for place in report.results.contrasted
         for first, second in (map(file_name, pair) for pair in given.pairs)
     ]
 
@@ -118,15 +121,16 @@ def power(seeds: Sequence[Floats], gap: float, level: float) -> float:
 def contrast_rows(report: Report) -> Iterator[list[str]]:
     """Yield a row for each contrast, with `COLUMNS`."""
     contrasts = contrasts_of(report)
-    corrected = holm([each.p_value for each in contrasts])
+    corrected = holm([1.0 if math.isnan(each.p_value) else each.p_value for each in contrasts])
     for each, p_value in zip(contrasts, corrected, strict=True):
         names = [algorithm_label(each.first), algorithm_label(each.second)]
         names += [task_label(each.place[0]), traffic_label(each.place[1])]
         counts = " / ".join(str(len(side)) for side in each.seeds)
-        if math.isnan(each.p_value):
-            yield [*names, *[""] * 4, counts, *[""] * len(GAPS)]
+        found = welch(*each.seeds) if min(map(len, each.seeds)) > 1 else None
+        if found is None or not found.error:
+            texts = [f"{found.value:+z.2f}", NO_SPREAD] if found else [""] * 2
+            yield [*names, *texts, *[""] * 2, counts, *[""] * len(GAPS)]
             continue
-        found = welch(*each.seeds)
         ends = [f"{found.value + side * found.reach():+z.2f}" for side in (-1, 1)]
         powers = [power(each.seeds, gap, SIGNIFICANCE / len(contrasts)) for gap in GAPS]
         texts = [f"{found.value:+z.2f}", f"[{', '.join(ends)}]", p_text(each.p_value), p_text(float(p_value))]
@@ -136,4 +140,5 @@ def contrast_rows(report: Report) -> Iterator[list[str]]:
 def contrast_note(report: Report, given: Contrasts) -> str:
     """Return what the table of contrasts says, in words."""
     said = {"label": METRICS[given.metric].label, "conditions": ", ".join(given.conditions)}
-    return NOTE.format(**said, level=SIGNIFICANCE) + (NEW if report.results.has_new_contrasts else "")
+    note = NOTE.format(**said, level=SIGNIFICANCE) + NEW * report.results.has_new_contrasts
+    return note + OTHER * report.results.has_other_contrasts

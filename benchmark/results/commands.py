@@ -11,7 +11,7 @@ from smarts.config import ConfigError, fitted
 from smarts.errors import shortened
 
 COMMAND = "command.json"
-"""The last command, and under `PARTS` each distinct command with its experiment, the last one at the end."""
+"""The last command, and under `PARTS` all in their order with their experiments, repetitions left out."""
 PARTS = "parts"
 REMEDY = "remove it, and `run` writes it again"
 
@@ -22,7 +22,7 @@ def keep_command(root: Path, experiment: Experiment, line: str) -> None:
     content = experiment.model_dump(mode="json", exclude_unset=True)
     before = read_versioned(kept)[PARTS] if kept.exists() else []
     part = {"command": line, "experiment": content}
-    write_versioned(kept, {"command": line, PARTS: [*(each for each in before if each != part), part]})
+    write_versioned(kept, {"command": line, PARTS: before if before[-1:] == [part] else [*before, part]})
 
 
 def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment | None]]:
@@ -49,4 +49,4 @@ def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...]
             problem = f"not an experiment of this version: {shortened(reasons)}"
             problems[f"{file.name}, part {number}"] = f"{problem}; correct or remove that part"
             experiments.append(None)
-    return tuple(dict.fromkeys(part["command"] for part in parts)), experiments
+    return tuple(dict.fromkeys(part["command"] for part in reversed(parts)))[::-1], experiments

@@ -144,9 +144,13 @@ class Results:
     problems: Mapping[str, str]
     """File or folder -> why it was left out."""
     contrasts: Contrasts | None = None
-    """Of the last command."""
+    """Of the first command that has any."""
+    contrasted: tuple[tuple[str, str], ...] = ()
+    """Tasks of that command with all conditions of its contrasts, with each traffic."""
     has_new_contrasts: bool = False
-    """Whether an earlier command had others, or none: then they were not fixed before training."""
+    """Whether an earlier command had none: then they were not fixed before training."""
+    has_other_contrasts: bool = False
+    """Whether a later command had others, or none."""
 
     @cached_property
     def finished(self) -> tuple[RunResult, ...]:
@@ -202,6 +206,8 @@ def read_results(root: Path) -> Results:
     if not experiments and not found and not has_verdicts:
         raise _nothing_in(root, problems)
     runs |= found
+    fixed = next((each for each in experiments if each.contrasts), None)
+    later = experiments[experiments.index(fixed) :] if fixed else []
     return Results(
         root=root,
         name=last.name if last else root.resolve().name,
@@ -209,9 +215,19 @@ def read_results(root: Path) -> Results:
         commands=commands,
         runs=tuple(runs[place] for place in sorted(runs)),
         problems=problems,
-        contrasts=last.contrasts if last else None,
-        has_new_contrasts=last is not None and any(x.contrasts != last.contrasts for x in experiments),
+        contrasts=fixed.contrasts if fixed else None,
+        contrasted=tuple(_contrasted(fixed)) if fixed else (),
+        has_new_contrasts=len(later) not in (0, len(experiments)),
+        has_other_contrasts=any(each.contrasts != later[0].contrasts for each in later),
     )
+
+
+def _contrasted(experiment: Experiment) -> Iterator[tuple[str, str]]:
+    """Yield task and traffic of what an experiment's contrasts are about."""
+    wanted = {*experiment.contrasts.conditions} if experiment.contrasts else set()
+    for task in experiment.tasks:
+        if wanted <= {each.name for each in task.test}:
+            yield from ((task.name, traffic) for traffic in experiment.traffic)
 
 
 def _nothing_in(root: Path, problems: Mapping[str, str]) -> ResultsError:
