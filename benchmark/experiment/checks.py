@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import chain, product
 from typing import Any
@@ -18,7 +18,7 @@ from benchmark.experiment.algorithm_settings import (
 )
 from benchmark.experiment.environment import Driving, Environment, Host
 from benchmark.experiment.loggers import LOGGERS
-from benchmark.experiment.models import Budget, Experiment, TaskOverrides
+from benchmark.experiment.models import Budget, Contrasts, Experiment, TaskOverrides
 from benchmark.experiment.values import ends
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault, shown
@@ -223,14 +223,37 @@ def _search(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
 
 
 def _contrasts(experiment: Experiment) -> Iterator[Fault]:
-    """Yield conditions that no test has."""
-    known = [each.name for task in experiment.tasks for each in task.test]
-    for number, name in enumerate(experiment.contrasts.conditions if experiment.contrasts else ()):
+    """Yield pairs, metrics and conditions that no report could compare."""
+    given = experiment.contrasts
+    if given is None:
+        return
+    yield from _pairs(given, experiment.algorithms)
+    if given.metric == "generalization":
+        text = "generalization is of held-out variations, and contrasts are of conditions"
+        yield Fault(("contrasts", "metric"), text, "choose another metric")
+    tests = [{each.name for each in task.test} for task in experiment.tasks]
+    known = {*chain(*tests)}
+    for number, name in enumerate(given.conditions):
         if name not in known:
             remedy = (
                 nearest_names(name, known) if known else "give a task a list `test`, or leave contrasts out"
             )
             yield Fault(("contrasts", "conditions", number), f"no test has the condition {name!r}", remedy)
+    if {*given.conditions} <= known and not any({*given.conditions} <= each for each in tests):
+        yield Fault(("contrasts", "conditions"), "no task has all of them", "name those of one task")
+
+
+def _pairs(given: Contrasts, algorithms: Sequence[str]) -> Iterator[Fault]:
+    """Yield pairs of algorithms that are not trained, or are one, and pairs that are there already."""
+    for number, pair in enumerate(given.pairs):
+        key = ("contrasts", "pairs", number)
+        if missing := [name for name in pair if name not in algorithms]:
+            remedy = "add it, or leave contrasts out (--set contrasts=null)"
+            yield Fault(key, f"{missing[0]!r} is not in algorithms", remedy)
+        elif pair[0] == pair[1]:
+            yield Fault(key, f"{pair[0]!r} is compared with itself", "name two algorithms")
+        elif {*pair} in [{*each} for each in given.pairs[:number]]:
+            yield Fault(key, f"{pair[0]!r} and {pair[1]!r} are a pair already", "name each pair once")
 
 
 def _unfit_choices(algorithm: str, name: str, given: Any, environment: Environment) -> Iterator[Fault]:
@@ -413,7 +436,7 @@ def _training_traffic(environment: Environment) -> Iterator[Fault]:
 def _scenarios(experiment: Experiment) -> Iterator[Fault]:
     """Yield scenarios that cannot be read, and agents and traffic that they do not have."""
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
-    from smarts.sstudio.episodes import check_egos, check_without_handovers
+    from smarts.sstudio.episodes import check_egos, check_engine, check_without_handovers
 
     environment, read = experiment.environment, cache(read_scenario)
     for key, name, traffic in _places(experiment):
@@ -434,6 +457,9 @@ def _scenarios(experiment: Experiment) -> Iterator[Fault]:
                 listed = [*experiment.traffic]
                 place = ("traffic", listed.index(each)) if each in listed else key
                 yield Fault(place, f"{name} has no traffic {each!r}", nearest_names(each, known))
+            elif engine := environment.traffic_engine:
+                place, is_recorded = ("environment", "traffic_engine"), known[each].recording is not None
+                yield from errors_of(place, check_engine, engine, each, is_recorded, name)
 
 
 def _places(experiment: Experiment) -> Iterator[tuple[tuple[str | int, ...], str, tuple[str, ...]]]:

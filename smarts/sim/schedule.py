@@ -12,14 +12,13 @@ import numpy as np
 from smarts.agents.social import NO_CAST, Cast
 from smarts.bubbles.placing import Driver, agent_actor, columns_needed, place_bubbles
 from smarts.errors import ScenarioError
-from smarts.registry import is_own_name
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.social_starts import Role, draw_social_starts, roles_of, room_of, wanted_by
 from smarts.sim.starts import Shape, draw_starts, place_agents
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
-from smarts.sstudio.episodes import EpisodePlan
+from smarts.sstudio.episodes import EpisodePlan, check_engine
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.agent_states import UNSET
@@ -97,11 +96,7 @@ def _refuse_unplayable(combinations: Iterable[Combination]) -> None:
     for each in combinations:
         name = each.plan.traffic
         is_recorded = name is not None and each.built.traffic[name].recording is not None
-        if is_recorded != (each.engine == "Recorded") and not is_own_name(each.engine):
-            problem = f"the engine {each.engine!r} cannot drive the traffic {name!r}, which is "
-            problem += "recorded" if is_recorded else "not recorded"
-            remedy = "leave out the traffic engine of the options: each scenario names its own"
-            raise ScenarioError(problem, place=each.built.name, remedy=remedy)
+        check_engine(each.engine, name, is_recorded, each.built.name)
 
 
 def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:

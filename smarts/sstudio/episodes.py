@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from smarts.errors import ScenarioError
+from smarts.registry import is_own_name
 from smarts.sstudio import sstypes as t
 
 if TYPE_CHECKING:
@@ -86,6 +87,25 @@ def check_without_handovers(scenario: t.Scenario, place: str) -> None:
             place=place,
             remedy="leave out traffic_step: hand-overs need exact traffic",
         )
+
+
+def check_engine(engine: str, traffic: str | None, is_recorded: bool, place: str) -> None:
+    """Raise if an engine is to drive a recording that drives routes, or the other way round.
+
+    Args:
+        engine: Name of the engine.
+        traffic: Name of the traffic, None for none.
+        is_recorded: Whether the traffic is a recording.
+        place: The scenario's name, for the error.
+
+    Raises:
+        ScenarioError: It is.
+    """
+    if is_recorded != (engine == "Recorded") and not is_own_name(engine):
+        problem = f"the engine {engine!r} cannot drive the traffic {traffic!r}, which is "
+        problem += "recorded" if is_recorded else "not recorded"
+        remedy = "leave out the traffic engine of the options: each scenario names its own"
+        raise ScenarioError(problem, place=place, remedy=remedy)
 
 
 def episode_plans(
