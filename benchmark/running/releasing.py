@@ -43,12 +43,19 @@ def write_release(
 
     Raises:
         ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
-            froze it, or are missing, or a file is too large; names each. Or the folder holds something.
+            froze it, or are missing, or a file is too large; names each. Or their tests have conditions, or
+            the folder holds something.
         SmartsError: A policy cannot be exported.
     """
     check_free(out)
     results = read_results(root)
     finished = [run for run in results.finished if not run.is_scripted]
+    if conditioned := [run for run in finished if run.test]:
+        raise ResultsError(
+            f"the test of {conditioned[0]} is of conditions of its own, which `verify` does not play",
+            place=str(root),
+            remedy="give policies that `smarts-bench export` writes to `smarts-bench evaluate`",
+        )
     runs = [run for run in finished if RunFolder(root / run.place).checkpoint.exists()]
     check_one_version(results.runs, str(root))
     scenarios: dict[str, dict[str, str]] = {}

@@ -423,6 +423,13 @@ class TestReleases:
                 (run / "checkpoint").mkdir()
         return root
 
+    def test_tests_that_verify_would_not_play_are_not_released(self, tmp_path):
+        root = self.write(tmp_path / "one", [1, 2, 3])
+        folder = RunFolder(root / "ppo/intersection" / ALONE / "seed_2")
+        folder.note(tested={"test": [{"name": "far", "scenarios": ["city"], "traffic": None}]})
+        with raises(ResultsError, root, values=["seed 2 is of conditions of its own"]):
+            write_release(root, tmp_path / "release", is_partial=True)
+
     def test_missing_seeds_are_not_released(self, tmp_path):
         root = self.write(tmp_path / "one", [1])
         with raises(
