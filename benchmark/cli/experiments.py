@@ -183,7 +183,7 @@ def evaluate(
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
     """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove.
 
-    Of several conditions, or scenarios, there is a row for each, too, and one for the agents in it whose ways
+    Of several conditions, or scenarios, there is a row for each, too, and always one for agents whose ways
     meet others', and for the others.
     """
     from benchmark.metrics import METRICS, compute
@@ -202,9 +202,10 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
             unit = METRICS[row["metric"]].unit
             label = f"{row['metric']} [{unit}]" if unit else row["metric"]
             typer.echo(f"  {label:<27} {_value(row)} {row['note']}".rstrip())
-        for place in places if len(places) > 1 else ():
+        for place in places:
             own: pd.DataFrame = table.loc[(table["mode"] == name) & (table["played"] == place)]
-            typer.echo(f"  {place}: {_rates(own)}")
+            if len(places) > 1:
+                typer.echo(f"  {place}: {_rates(own)}")
             if shares := meeting_shares(own):
                 typer.echo(f"    agents, and episodes, with ways that meet within 5 s: {shares}")
             for which, words in ((1, "agents that meet"), (0, "others")):

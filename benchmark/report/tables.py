@@ -141,13 +141,13 @@ def generalization_rows(report: Report) -> list[list[str]]:
 
 
 def condition_rows(report: Report) -> list[list[str]]:
-    """Return a row for each policy and condition of a test, or scenario, of tasks that play several."""
+    """Return a row for each policy and condition of a test, or scenario; of one if it is known who meets."""
     rows, table = [], report.results.table
     tested = table[table["split"] != "held_out"]
     for task, traffic in report.columns if len(table) else ():
         own = tested[(tested["task"] == task) & (tested["task_traffic"] == traffic)]
         played = played_in(own)
-        if played.nunique() < 2:
+        if played.nunique() < 2 and not meets(own).notna().any():
             continue
         own = own.assign(task=played)
         values = by_key(measure_conditions(own, RANKED_BY))

@@ -129,6 +129,8 @@ def test_a_test_says_its_conditions_and_which_ways_meet(tmp_path, capsys):
     assert "of a, b, no_social_vehicles" in said
     rows = re.findall(r"^ +(a|b|agents that meet|others): collision_rate 0.000", said, re.MULTILINE)
     assert rows == ["a", "agents that meet", "b", "others"]
+    show_metrics(table[table["condition"] == "a"])
+    assert "with ways that meet within 5 s: 1.00 / 1.00" in capsys.readouterr().out
 
 
 def test_a_report_shows_each_condition_of_a_test(tmp_path):
@@ -148,6 +150,8 @@ def test_a_report_shows_each_condition_of_a_test(tmp_path):
         "dense": ["0.50", "0.50", "1.00 / 1.00", "0.50 / 0.50", "", "2"],
     }
     assert "By condition" in write_report(tmp_path).read_text()
-    # Of one scenario alone, there is nothing to tell apart.
+    # Of one scenario alone, there is nothing to tell apart but who meets.
     write_run(tmp_path / "one", "ppo", [agent_episodes([["goal"]], mode="greedy")])
     assert "By condition" not in write_report(tmp_path / "one").read_text()
+    write_run(tmp_path / "met", "ppo", [agent_episodes([["goal"]], mode="greedy", meets=1.0)])
+    assert "1.00 / 1.00" in write_report(tmp_path / "met").read_text().partition('id="by-condition"')[2]
