@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from benchmark.experiment.environment import Environment
-from benchmark.experiment.models import Evaluation, TrainingTask
+from benchmark.experiment.models import Evaluation, TestCondition, TrainingTask
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.experiment.values import name_of
 from benchmark.results.files import check_free, new_folder
@@ -305,7 +305,12 @@ def asked_task(task: TrainingTask, scenarios: Sequence[str], traffic: str | None
         return fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
     if not traffic:
         return task
-    return task.model_copy(update={"test": tuple(x.model_copy(update={"traffic": None}) for x in task.test)})
+    test: dict[frozenset[str], TestCondition] = {}
+    for each in sorted(task.test, key=lambda each: each.traffic not in (None, traffic)):
+        name = each.name if each.traffic == traffic else f"{each.name} ({traffic})"
+        # Conditions may have differed in their traffic alone.
+        test.setdefault(frozenset(each.scenarios), each.model_copy(update={"name": name, "traffic": None}))
+    return task.model_copy(update={"test": tuple(test.values())})
 
 
 def evaluate_checkpoint(

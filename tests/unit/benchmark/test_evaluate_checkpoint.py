@@ -45,15 +45,19 @@ def test_an_evaluation_plays_the_conditions_of_the_runs_test(folder):
     test = [
         {"name": "a", "scenarios": ["roundabout"], "traffic": "dense"},
         {"name": "b", "scenarios": ["loop"]},
+        {"name": "c", "scenarios": ["roundabout"], "traffic": "sparse"},
     ]
     folder.note(tested={"episodes": 9, "test": test})
     task = read_run(folder).task_setting.task
     assert [(each.name, each.scenarios, each.traffic) for each in task.test] == [
         ("a", ("roundabout",), "dense"),
         ("b", ("loop",), None),
+        ("c", ("roundabout",), "sparse"),
     ]
     assert asked_task(task, [], None) == task
-    assert [each.traffic for each in asked_task(task, [], "no_social_vehicles").test] == [None, None]
+    for traffic, names in (("dense", ["a", "b (dense)"]), ("none", ["b (none)", "a (none)"])):
+        asked = asked_task(task, [], traffic).test
+        assert sorted((each.name, each.traffic) for each in asked) == sorted((name, None) for name in names)
     alone = asked_task(task, ["city"], None)
     assert (alone.tested_on, alone.test) == (["city"], ())
 
