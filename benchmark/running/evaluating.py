@@ -227,7 +227,11 @@ def evaluate_exported(
     if not scenarios:
         check_suite(trained, path)
     agent = ExportedPolicy(path, TEAM)
-    given = {"name": trained.task, "scenarios": trained.scenarios, "test": trained.test}
+    given = {
+        "name": trained.task,
+        "scenarios": trained.scenarios,
+        "test": [each.model_dump() for each in trained.test],
+    }
     task = asked_task(fitted(given, TrainingTask, str(path)), scenarios, traffic)
     driven = fitted(trained.environment | _changes(agents, engine), Environment, str(path))
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}

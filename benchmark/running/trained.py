@@ -9,8 +9,9 @@ from typing import Any
 
 from pydantic import Field
 
+from benchmark.experiment.values import FolderName
 from benchmark.results.release import Training
-from smarts.config import ConfigError, fitted
+from smarts.config import ConfigError, Section, fitted
 from smarts.errors import SmartsError, shown
 from smarts.sstudio.locating import VARIATION_MARK, suite
 from smarts_agent_kit.exported import TRAINED
@@ -20,11 +21,20 @@ PROJECT = "smarts.zoo:"
 """Begins the locators of the project's own agents."""
 
 
+class Tested(Section):
+    """A condition of a test, whose scenarios are names of strangers: nothing is looked up or run yet."""
+
+    name: FolderName
+    scenarios: list[str]
+    traffic: str | None = None
+    seen: bool = False
+
+
 class Trained(Training):
     """What a policy was trained on; `benchmark.running.exporting.trained_content` writes it."""
 
     environment: dict[str, Any]
-    test: list[dict[str, Any]] = Field(default_factory=list)
+    test: list[Tested] = Field(default_factory=list)
     """Conditions of its test, as `TaskSetting.test_content` has them."""
 
 
@@ -71,7 +81,7 @@ def check_suite(trained: Trained, path: Path) -> None:
     Raises:
         SmartsError: It does.
     """
-    tested = chain(*(each.get("scenarios", ()) for each in trained.test))
+    tested = chain(*(each.scenarios for each in trained.test))
     if foreign := own_scenarios([*trained.scenarios, *tested]):
         raise SmartsError(
             f"was trained on {shown(foreign[0])}, which is no scenario of the suite",
