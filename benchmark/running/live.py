@@ -36,7 +36,7 @@ OUTCOMES = ("return", "completion", "collision")
 TOTAL_SECONDS = 60.0
 """Time between two lines about all jobs if the output is no terminal [s]."""
 ENOUGH = 0.02
-"""Share of all jobs that has to be done before an end is estimated: starting and compiling are slow."""
+"""Share of what was left that has to be done before an end is estimated: starting and compiling are slow."""
 SILENCE = 300.0
 """Time without a message of a job that trains or is tested, after which a line says so [s]."""
 
@@ -103,8 +103,9 @@ class LiveProgress:
         finished, done = sum(state.status == FINISHED for state in states), share_done(states)
         took = time.monotonic() - self._began
         text = f"{finished} of {len(states)} runs finished after {took / 60:.0f} min"
-        gained = done - (done if self._first is None else self._first)
-        return f"{text}; {ends(took * (1 - done) / gained)}" if gained > ENOUGH else text
+        first = done if self._first is None else self._first
+        gained = done - first
+        return f"{text}; {ends(took * (1 - done) / gained)}" if gained > ENOUGH * (1 - first) else text
 
     def _lines(self, states: Sequence[JobState]) -> Iterator[str]:
         """Yield what a terminal shows: a line about all jobs, then one for each that is not finished."""

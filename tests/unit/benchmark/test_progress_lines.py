@@ -86,6 +86,10 @@ def test_the_time_left_follows_what_is_done_since_the_beginning(monkeypatch):
     assert share_done(states) == pytest.approx((1 + 0.45 + 0.45) / 3)
     monkeypatch.setattr(live.time, "monotonic", lambda: now + 60)
     assert shown._total(states).endswith(f", in {1.1 / 0.9:.0f} min")
+    resumed = LiveProgress(Console(file=io.StringIO()))
+    resumed._first = 0.62
+    monkeypatch.setattr(live.time, "monotonic", lambda: now + 120)
+    assert ", in " in resumed._total(states)  # of a third of what was left
     states[1].progress, states[2].error = RunProgress("testing", 0.5), "no"
     states[2].status = "failed"
     assert share_done(states) == pytest.approx((1 + 0.95 + 1) / 3)
