@@ -65,7 +65,14 @@ def _scenario(name: str, info: ValidationInfo) -> str:
     if info.context == KEPT:
         return name
     folder, _, variation = name.partition("@")
-    if not folder or glob.has_magic(variation) or (folder not in suite() and not Path(folder).exists()):
+    is_there = folder and (folder in suite() or Path(folder).exists())
+    if is_there and glob.has_magic(variation):
+        from smarts.sstudio.build import matching
+
+        found = (each.partition("@")[2] for each in matching(f"{folder}@*"))
+        splits = {re.sub(r"-\d+$", "-*", each) for each in found if each != "*"}
+        raise UnfitError(f"no variation of {folder!r} fits {variation!r}", nearest_names(variation, splits))
+    if not is_there:
         raise UnfitError(
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
