@@ -4,7 +4,7 @@ Axis letters throughout `algorithms`: T steps of a fragment, B environments, N a
 one block or group, A discrete actions, S global state, M rows of a minibatch, K sparse rows.
 
 The interface is duck-typed: an environment need not import this module. `JointVector` gives it to any RLlib
-`MultiAgentEnv`; `tests/vector_contract.py` checks that an environment keeps the contract.
+`MultiAgentEnv`; `tests/vector_contract.py` in the repository checks that an environment keeps the contract.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
 def build_scenarios(
     names: Iterable[str], show: Callable[[int, int], object] = lambda built, count: None
 ) -> None:
-    """Build the scenarios that are not built yet, as many side by side as there are processors.
+    """Build the scenarios that are not built yet, those of several folders side by side.
 
     Args:
         names: Scenarios, as `build_scenario` takes them.
