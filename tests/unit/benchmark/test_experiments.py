@@ -196,7 +196,10 @@ def test_the_content_follows_what_training_depends_on_and_nothing_else(write):
         ("environment.reward=papr", "there is no reward 'papr'; did you mean 'paper'?"),
         ("name=../x", "cannot name a folder"),
         ("tasks=['*_v1']", "'*_v1' cannot name a folder; give {name: ..., scenarios: [...]}"),
-        ("tasks=[{name: a, scenarios: ['loop@mirr_*']}]", "there is no scenario 'loop@mirr_*'"),
+        (
+            "tasks=[{name: a, scenarios: ['loop@mirr_*']}]",
+            "no variation of 'loop' fits 'mirr_*'; known: 'dense'",
+        ),
         ("tasks=[{name: a, train: ['no_loop@*']}]", "tasks[0].train[0]: there is no scenario 'no_loop'"),
         # types and ranges
         ("algorithms=ppo", "algorithms is 'ppo'; input should be a list: [ppo]"),
