@@ -1,4 +1,7 @@
-"""Recorded traffic in the build: a recording becomes the log of a traffic variation."""
+"""Recorded traffic in the build: a recording becomes the log of a traffic variation.
+
+Functions import what has kernels when they are called: experiments are read without compiling any.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,7 @@ from typing import Any
 import numpy as np
 
 from smarts.errors import ScenarioError
-from smarts.recordings.checks import check, on_lanes
 from smarts.recordings.headings import HeadingRule
-from smarts.recordings.importing import LEAST_ON_LANES
-from smarts.recordings.log import make_log
 from smarts.recordings.reading import READERS, Source, read
 from smarts.recordings.tracks import TRACKS, Tracks, read_tracks
 from smarts.recordings.transforms import Transform, transformed
@@ -76,6 +76,10 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
         SmartsError: The recording cannot be read, is no traffic, or does not belong to the map, or nothing
             is recorded in the part that is asked for.
     """
+    from smarts.recordings.checks import on_lanes
+    from smarts.recordings.importing import LEAST_ON_LANES
+    from smarts.recordings.log import make_log
+
     if recording.history is None:
         tracks = read_tracks(directory / recording.source)
     else:
@@ -106,6 +110,8 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
 
 def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> Tracks:
     """Return the recording of a traffic history, in the coordinates of the map."""
+    from smarts.recordings.checks import check
+
     scale = history.map_lane_width / history.real_lane_width_m
     rule = HeadingRule(
         history.heading_inference_window,
