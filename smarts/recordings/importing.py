@@ -30,9 +30,9 @@ from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
 scenario = t.Scenario(traffic={{"recorded": t.Traffic([], engine="Recorded", recording=t.Recording("."))}})
-# To train on the first part and test on the rest: t.Recording(".", end={middle}) above, and in the scenario
-# held_out={{"later": t.Variation("later", traffic={{"recorded": t.Traffic([], engine="Recorded",
-# recording=t.Recording(".", begin={middle}))}})}}
+# To train on the first part and test on the rest, in windows: t.Recording(".", end={middle}, window={window})
+# above, and in the scenario held_out={{"later": t.Variation("later", traffic={{"recorded": t.Traffic([],
+# engine="Recorded", recording=t.Recording(".", begin={middle}, window={window}))}})}}
 gen_scenario(scenario, output_dir=Path(__file__).parent)
 '''
 
@@ -105,14 +105,18 @@ def _write(folder: Path, tracks: Tracks, lines: list[str], *, is_scenario: bool)
     write_tracks(tracks, folder)
     (folder / REPORT).write_text("\n".join(lines) + "\n", encoding="utf-8")
     if is_scenario:
-        middle = f"{0.75 * float(tracks.facts['duration']):.1f}"
-        (folder / SCRIPT).write_text(_SCENARIO.format(middle=middle), encoding="utf-8")
+        middle, window = (f"{share * float(tracks.facts['duration']):.1f}" for share in (0.75, 0.1))
+        (folder / SCRIPT).write_text(_SCENARIO.format(middle=middle, window=window), encoding="utf-8")
+    else:
+        (folder / NET).unlink(missing_ok=True)
 
 
 def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:
     """Return the map that was named, else the recording's own file where it holds one, else None."""
     if map_file is None:
         return MapSource("commonroad", (path,)) if format == "CommonRoad" else None
+    if map_file.suffix and not map_file.exists():
+        raise RecordingError("there is no such file", place=str(map_file), remedy="give the file of the map")
     if map_file.is_file() and map_file.suffix in (".xml", ".osm"):
         # Files of these formats are named by what they show: their ending does not tell the format.
         content = map_file.read_bytes()

@@ -21,6 +21,8 @@ from smarts.recordings.paths import Paths
 from smarts.recordings.tracks import RecordingError, Tracks
 from smarts.roads.lane_graph import LaneGraph
 
+NAME = "history-vehicle-"
+"""Names of recorded vehicles begin so, as in SMARTS 2; the track's name follows."""
 LEAST_PROGRESS = 0.2
 """A path's points are at least so far apart [m]."""
 AHEAD = 10.0

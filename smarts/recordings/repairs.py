@@ -42,12 +42,12 @@ def repaired(tracks: Tracks) -> tuple[Tracks, list[str]]:
     if count:
         for first, each in zip(late, apart, strict=True):
             each.samples[0, 0] = first
-        tracks = Tracks.of(apart, tracks.facts, tracks.signals)
+        tracks = Tracks.of(apart, tracks.facts)
         said.append(
             f"the first samples of {count} of {len(apart)} tracks had times at which, by their speeds, the "
             "vehicles were not there yet, and get the right ones"
         )
-    return replace(tracks, facts={**tracks.facts, "repairs": "; ".join(said)}), said
+    return tracks, said
 
 
 def _turned(tracks: Tracks) -> float:
@@ -70,5 +70,6 @@ def _true_first_time(samples: Floats) -> float:
     if len(t) < 3 or speed[0] < MOVING:
         return t[0]
     way, mean, dt = np.hypot(np.diff(x), np.diff(y)), (speed[1:] + speed[:-1]) / 2, np.diff(t)
-    is_short = way[0] < SHORT * mean[0] * dt[0]
+    # Equal positions tell no time.
+    is_short = 1e-6 < way[0] < SHORT * mean[0] * dt[0]
     return t[1] - way[0] / mean[0] if is_short and abs(way[1] / (mean[1] * dt[1]) - 1) < AGREES else t[0]

@@ -1,7 +1,6 @@
 """The tracks of a recording as arrays, and their files in a folder.
 
-Every format becomes `tracks.parquet`, a row for each sample, track by track, and `signals.parquet` where the
-source has traffic lights, a row for each change.
+Every format becomes `tracks.parquet`, a row for each sample, track by track.
 """
 
 from __future__ import annotations
@@ -17,18 +16,16 @@ import pyarrow.parquet as pq
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import SmartsError
-from smarts.types.traffic import Signal
 from smarts.types.vehicles import VehicleKind
 from smarts.whole_files import written_whole
 
 FORMAT = "smarts-recording 1"
-TRACKS, SIGNALS = "tracks.parquet", "signals.parquet"
+TRACKS = "tracks.parquet"
 SAMPLE = ("t", "x", "y", "heading", "speed")
 """Columns of samples: time since the recording's first sample [s], centre of the footprint in the map frame
 [m, m], heading [rad], speed along it [m/s]."""
 _COLUMNS = {"track": pa.string(), "kind": pa.int8()}
 _COLUMNS |= dict.fromkeys(("length", "width", *SAMPLE), pa.float64())
-_SIGNAL_COLUMNS = {"t": pa.float64(), "lane": pa.string(), "signal": pa.int8()}
 
 
 class RecordingError(SmartsError):
@@ -48,17 +45,6 @@ class Track(NamedTuple):
     """Of the footprint [m]."""
     samples: Floats
     """Columns as in `SAMPLE`, in order of time, shape (n, 5)."""
-
-
-class Signals(NamedTuple):
-    """K changes of traffic lights, in order of time."""
-
-    t: Floats
-    """Time since the recording's first sample [s], shape (K,)."""
-    lane: tuple[str, ...]
-    """Id of the lane of the map that the light is for."""
-    signal: Bytes
-    """A `Signal`, shape (K,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +72,11 @@ class Tracks:
     speed: Floats
     """Along the heading [m/s]."""
     facts: Mapping[str, str] = field(default_factory=dict)
-    """Where the recording comes from: name, source, source_format, source_sha256, licence, attribution,
-    time_step and duration [s], is_traffic ("true" or "false"), repairs, imported_by."""
-    signals: Signals | None = None
+    """Where the recording comes from: name, source, source_format, licence, attribution, time_step
+    and duration [s], is_traffic ("true" or "false"); what is assumed and left_out."""
 
     @classmethod
-    def of(
-        cls, tracks: Iterable[Track], facts: Mapping[str, str] | None = None, signals: Signals | None = None
-    ) -> Tracks:
+    def of(cls, tracks: Iterable[Track], facts: Mapping[str, str] | None = None) -> Tracks:
         """Return tracks as arrays, in order of their first time; each has one sample or more."""
         ordered = sorted(tracks, key=lambda track: track.samples[0, 0])
         samples = np.concatenate([np.zeros((0, 5)), *(track.samples for track in ordered)])
@@ -104,7 +87,6 @@ class Tracks:
             width=np.array([track.width for track in ordered], float),
             start=np.cumsum([0, *(len(track.samples) for track in ordered)], dtype=np.int32),
             facts=dict(facts or {}),
-            signals=signals,
             **dict(zip(SAMPLE, np.ascontiguousarray(samples.T), strict=True)),
         )
 
@@ -119,7 +101,7 @@ class Tracks:
         """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone."""
         masks = zip(self.apart(), np.split(keeps, self.start[1:-1]), strict=True)
         kept = (track._replace(samples=track.samples[mask]) for track, mask in masks if mask.any())
-        return Tracks.of(kept, self.facts, self.signals)
+        return Tracks.of(kept, self.facts)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -131,24 +113,18 @@ class Tracks:
 
 
 def write_tracks(tracks: Tracks, folder: Path) -> None:
-    """Write a recording's files into a folder.
+    """Write a recording's file into a folder.
 
     Raises:
-        SmartsError: A file cannot be written.
+        SmartsError: It cannot be written.
     """
     of = tracks.track
     names = pa.DictionaryArray.from_arrays(pa.array(of), pa.array(tracks.names, pa.string()))
     columns = {"track": names} | {name: getattr(tracks, name)[of] for name in ("kind", "length", "width")}
     columns |= {name: getattr(tracks, name) for name in SAMPLE}
-    _write(folder / TRACKS, columns, _COLUMNS, tracks.facts)
-    if tracks.signals is not None:
-        _write(folder / SIGNALS, tracks.signals._asdict(), _SIGNAL_COLUMNS, {})
-
-
-def _write(file: Path, columns: Mapping, types: Mapping[str, pa.DataType], facts: Mapping[str, str]) -> None:
-    made = [pa.array(columns[name]) for name in types]
-    table = pa.table(made, list(types)).replace_schema_metadata({"format": FORMAT, **facts})
-    with written_whole(file) as partial:
+    made = [pa.array(columns[name]) for name in _COLUMNS]
+    table = pa.table(made, [*_COLUMNS]).replace_schema_metadata({"format": FORMAT, **tracks.facts})
+    with written_whole(folder / TRACKS) as partial:
         pq.write_table(table, partial)
 
 
@@ -156,17 +132,12 @@ def read_tracks(folder: Path) -> Tracks:
     """Return the recording in a folder that `smarts-bench data import` wrote.
 
     Raises:
-        RecordingError: There is none, or its files are not as they should be.
+        RecordingError: There is none, or its file is not as it should be.
     """
     file = folder / TRACKS
-    columns, facts = _read(file, _COLUMNS)
+    columns, facts = _read(file)
     track = columns["track"]
     first = np.flatnonzero(np.append(True, track[1:] != track[:-1])) if len(track) else np.zeros(0, int)
-    facts.pop("format")
-    signals = None
-    if (folder / SIGNALS).exists():
-        changes, _ = _read(folder / SIGNALS, _SIGNAL_COLUMNS)
-        signals = Signals(changes["t"], tuple(changes["lane"].tolist()), changes["signal"])
     tracks = Tracks(
         names=tuple(track[first].tolist()),
         kind=columns["kind"][first],
@@ -174,7 +145,6 @@ def read_tracks(folder: Path) -> Tracks:
         width=columns["width"][first],
         start=np.append(first, len(track)).astype(np.int32),
         facts=facts,
-        signals=signals,
         **{name: columns[name] for name in SAMPLE},
     )
     if problem := _problem(tracks):
@@ -182,32 +152,27 @@ def read_tracks(folder: Path) -> Tracks:
     return tracks
 
 
-def _read(file: Path, types: Mapping[str, pa.DataType]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _read(file: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return the columns and the metadata of a file."""
     again = "import the recording again: smarts-bench data import SOURCE --out FOLDER --licence TEXT"
     try:
         table = pq.read_table(file)
     except (OSError, pa.ArrowException) as error:
-        problem = "cannot be read" if file.exists() else "there is no recording"
-        raise RecordingError(f"{problem}: {error}", place=str(file), remedy=again) from error
+        problem = f"cannot be read: {error}" if file.exists() else "there is no recording"
+        raise RecordingError(problem, place=str(file), remedy=again) from error
     found = table.schema.metadata or {}
     facts = {key.decode(): value.decode() for key, value in found.items() if not key.startswith(b"ARROW")}
-    if facts.get("format") != FORMAT:
-        problem = f"is of the format {facts.get('format')!r}, not {FORMAT!r}"
+    if (format := facts.pop("format", None)) != FORMAT:
+        problem = f"is of the format {format!r}, not {FORMAT!r}"
         raise RecordingError(problem, place=str(file), remedy=again)
-    if missing := [name for name in types if name not in table.column_names]:
+    if missing := [name for name in _COLUMNS if name not in table.column_names]:
         raise RecordingError(f"has no column {missing[0]!r}", place=str(file), remedy=again)
-    try:
-        columns = {name: table[name].cast(kind).to_numpy() for name, kind in types.items()}
-    except pa.ArrowException as error:
-        raise RecordingError(str(error), place=str(file), remedy=again) from error
-    return columns, facts
+    return {name: table[name].cast(kind).to_numpy() for name, kind in _COLUMNS.items()}, facts
 
 
 def _problem(tracks: Tracks) -> str:
     """Return what is wrong with tracks of a file, "" if nothing is."""
     columns = [getattr(tracks, name) for name in ("length", "width", *SAMPLE)]
-    signals = tracks.signals.signal if tracks.signals else np.zeros(0, np.int8)
     same = tracks.track[1:] == tracks.track[:-1]
     if not len(tracks):
         return "it has no tracks"
@@ -215,8 +180,8 @@ def _problem(tracks: Tracks) -> str:
         return "the samples of a track are not side by side"
     if not all(np.isfinite(column).all() for column in columns):
         return "it has numbers that are not finite"
-    if not set(tracks.kind.tolist()) <= {*VehicleKind} or not set(signals.tolist()) <= {*Signal}:
-        return "it has an unknown kind of vehicle or signal"
+    if not set(tracks.kind.tolist()) <= {*VehicleKind}:
+        return "it has an unknown kind of vehicle"
     if (np.diff(tracks.t)[same] <= 0).any() or (np.diff(tracks.t[tracks.start[:-1]]) < 0).any():
         return "times do not rise within tracks, or from a track's first to the next track's"
     return ""

@@ -14,7 +14,7 @@ from smarts.providers.gates import find_too_close
 from smarts.providers.recorded import following, state, stepping
 from smarts.providers.recorded.stepping import MOST_OFFSET, MOST_TURN
 from smarts.providers.traffic_engine import TrafficEngine
-from smarts.recordings.log import Log, lane_path, lanes_onward
+from smarts.recordings.log import NAME, Log, lane_path, lanes_onward
 from smarts.recordings.paths import Paths
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
@@ -23,8 +23,6 @@ from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
-NAME = "history-vehicle-"
-"""Names of recorded vehicles begin so, as in SMARTS 2; the track's name follows."""
 BRAKING = 4.5
 """A vehicle is not taken where its driver would brake harder [m/s^2]."""
 
@@ -38,8 +36,7 @@ class Recorded(TrafficEngine):
         owner: The engine's owner number.
 
     Attributes:
-        sims: Records of the simulations, among them how many vehicles were `delayed`, and `dropped`: these
-            never entered.
+        sims: Records of the simulations, among them how many vehicles were `dropped`: these never entered.
     """
 
     def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:

@@ -28,10 +28,9 @@ class Entry(IntEnum):
     """How far a track's vehicle has come."""
 
     TO_COME = 0
-    DUE = 1
-    DELAYED = 2
+    DELAYED = 1
     """It could not enter when it was due."""
-    DONE = 3
+    DONE = 2
     """It has entered, or will not."""
 
 
@@ -43,7 +42,7 @@ SIMULATION = np.dtype(
         ("reacts", np.bool_),
         ("limit", np.int32),
         ("is_full", np.bool_),
-        *((name, np.int32) for name in ("delayed", "dropped")),
+        ("dropped", np.int32),
     ],
     align=True,
 )

@@ -26,7 +26,7 @@ MOST_OFFSET, MOST_TURN = 1.5, 0.2
 Box = tuple[Pose, float, float]
 """Pose, half length, half width [m]."""
 _ON_LOG, _FOLLOWS = int(Course.ON_LOG), int(Course.FOLLOWS)
-_DUE, _DELAYED, _DONE = int(Entry.DUE), int(Entry.DELAYED), int(Entry.DONE)
+_DELAYED, _DONE = int(Entry.DELAYED), int(Entry.DONE)
 
 
 @kernel
@@ -153,14 +153,14 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
     sim, paths, first = n.sims[b], n.paths, count
     now, at_reset = sim.begin + n.step[b] * n.dt, n.step[b] == 0
     while sim.next < sim.last and paths.begin[sim.next] <= now + SLACK:
-        n.entry[b, sim.next - sim.first] = _DUE if paths.end[sim.next] >= now - SLACK else _DONE
+        if paths.end[sim.next] < now - SLACK:
+            n.entry[b, sim.next - sim.first] = _DONE
         sim.next += 1
     present = 0
     for slot in range(n.used[b]):
         present += n.vehicles.alive[b, slot]
     for track in range(sim.oldest, sim.next):
-        entry = n.entry[b, track - sim.first]
-        if entry == _DONE:
+        if n.entry[b, track - sim.first] == _DONE:
             sim.oldest += track == sim.oldest
             continue
         if not sim.reacts and paths.end[track] < now - SLACK:
@@ -178,7 +178,6 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
             n.entry[b, track - sim.first] = _DONE
             sim.dropped += 1
         else:
-            sim.delayed += entry == _DUE
             n.entry[b, track - sim.first] = _DELAYED
     return count
 

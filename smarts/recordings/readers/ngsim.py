@@ -22,7 +22,10 @@ COLUMNS = {0: "vehicle", 3: "ms", 4: "x", 5: "y", 8: "length", 9: "width", 10: "
 
 def read(source: Source) -> Tracks:
     """Return the vehicles, x across the road and y along it [m]; the file has them of front bumpers."""
-    table = pd.read_csv(source.path, sep=r"\s+", header=None, usecols=list(COLUMNS), dtype=float)
+    try:
+        table = pd.read_csv(source.path, sep=r"\s+", header=None, usecols=list(COLUMNS), dtype=float)
+    except ValueError as error:
+        raise ValueError("its lines are not 18 or 24 numbers") from error
     tracks, first = [], table[3].min()
     for vehicle, rows in table.rename(columns=COLUMNS).sort_values("ms").groupby("vehicle"):
         t = (rows["ms"].to_numpy() - first) / 1000

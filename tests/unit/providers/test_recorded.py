@@ -144,13 +144,13 @@ def test_vehicles_do_not_enter_onto_others(play):
     play.reset(play.log(tracks), agents=[(20.0, 0.0), (22.0, 3.2)])
     play.step(12)
     assert [play.state(each) is not None for each in ("late", "never", "twin", "twin2")] == [0, 0, 1, 0]
-    sim = play.engine.sims[0]
-    assert (sim["delayed"], sim["dropped"]) == (3, 0)
+    sim, entry = play.engine.sims[0], play.engine._traffic.value.entry[0]
+    assert ((entry == Entry.DELAYED).sum(), sim["dropped"]) == (3, 0)
     play.world.registry.dismiss(0, 0)
     play.step()
     assert play.state("late")[0] == pytest.approx(23.0)
     play.step(20)
-    assert (sim["delayed"], sim["dropped"]) == (3, 1)
+    assert sim["dropped"] == 1
     assert play.state("never") is None
 
 

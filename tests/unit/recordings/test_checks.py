@@ -69,6 +69,22 @@ def test_tracks_that_all_begin_in_one_place_are_not_traffic():
     assert found(*apart) == {}
 
 
+@pytest.mark.parametrize("digits", [3, 9])
+def test_frames_of_30_hz_are_those_of_the_file(tmp_path, digits):
+    """A car at 10 m/s comes up to one that stands 245 m ahead: they overlap when 240.1 m are driven."""
+    rows = ""
+    for frame in range(1800):
+        vehicle = '<vehicle id="{}" x="{}" y="0" angle="90" speed="{}" type="car"/>'
+        cars = vehicle.format("a", frame / 3, 10) + vehicle.format("b", 245, 0)
+        rows += f'<timestep time="{frame / 30:.{digits}f}">{cars}</timestep>'
+    file = tmp_path / "x.xml"
+    file.write_text(f"<fcd-export>{rows}</fcd-export>")
+    report = check(read(Source(file)))
+    assert "2.0 at once" in report.contents
+    text = next(each.text for each in report.findings if each.kind == "overlaps")
+    assert float(text.split()[-2]) == pytest.approx(24.03, abs=0.01)
+
+
 def test_tracks_off_the_map_are_found():
     """Lanes are 3.2 m wide: a centre 1.5 m beside the centreline is on the lane, one of 1.7 m is not."""
     beside = straight("beside", 0.0, 2.0, 10.0, -1.7, 10.0)
@@ -82,14 +98,14 @@ def test_tracks_off_the_map_are_found():
 
 @needs_data
 def test_real_recordings():
-    west, _ = repaired(read(Source(DATA / "mona" / "DEU_MONAWest-2_1_T-300.xml")))
+    west, said = repaired(read(Source(DATA / "mona" / "DEU_MONAWest-2_1_T-300.xml")))
     report = check(west)
     assert report.is_traffic
     assert "88 enter" in report.contents
     assert "27 at most" in report.contents
     assert not {"overlaps", "gaps", "accelerations"} & {each.kind for each in report.findings}
-    assert "+1.93 degrees" in west.facts["repairs"]
-    assert "73 of 100 tracks" in west.facts["repairs"]
+    assert "+1.93 degrees" in said[0]
+    assert "73 of 100 tracks" in said[1]
     report = check(read(Source(DATA / "ngsim" / "i80_0400-0415_200.shf")))
     assert not report.is_traffic
     assert "200 of 200 tracks begin at 0 s" in report.findings[0].text

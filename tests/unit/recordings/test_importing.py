@@ -69,7 +69,7 @@ def test_single_tracks_are_not_called_traffic(importing, tmp_path):
     assert code == 0
     assert text.startswith("NOT TRAFFIC: 3 of 3 tracks begin at 0 s")
     assert read_tracks(tmp_path / "out").facts["is_traffic"] == "false"
-    assert not (tmp_path / "out" / "scenario.py").exists()
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {"import.txt", "tracks.parquet"}
 
 
 def test_repairs_can_be_left_out(importing, tmp_path):
@@ -86,7 +86,8 @@ def test_repairs_can_be_left_out(importing, tmp_path):
     [
         (cars(), "", (), "licence of the data is not named.*--licence 'CC BY 4.0'"),
         (cars(y=5.0), "CC0", (), "only 0% of its positions lie on lanes of its own map"),
-        (cars(), "CC0", ("--map", "none.net.xml"), "there is no road map"),
+        (cars(), "CC0", ("--map", "none.net.xml"), "none.net.xml: there is no such file"),
+        (cars(), "CC0", ("--format", "NGSIM"), "its lines are not 18 or 24 numbers\n"),
         (cars(), "CC0", ("--format", "SHFF"), "did you mean 'SHF'"),
     ],
 )

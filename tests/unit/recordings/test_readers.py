@@ -141,7 +141,7 @@ MISTAKES = {
     "missing column": (lambda folder: shf(folder / "x.shf", columns="pace REAL"), "no such column: speed"),
     "too few columns": (
         written("x.txt", "1 2 3\n4 5 6\n"),
-        "the format NGSIM are: .*columns expected",
+        "the format NGSIM are: its lines are not 18 or 24 numbers",
     ),
     "no x": (
         written("x.xml", '<fcd-export><timestep time="0"><vehicle id="a" y="1"/></timestep></fcd-export>'),

@@ -23,7 +23,6 @@ def test_headings_that_are_all_turned_are_turned_back():
     fixed, said = repaired(driven(turned=2.0))
     assert fixed.heading == pytest.approx(driven().heading, abs=np.radians(0.01))
     assert "+2.00 degrees" in said[0]
-    assert fixed.facts["repairs"] == said[0]
 
 
 @pytest.mark.parametrize("tracks", [driven(turned=0.3), driven(turned=2.0, noise=0.1)])
@@ -59,5 +58,7 @@ def test_an_honest_start_stays():
     tracks = tracks_of([track_of("a", rows), straight("b", 0, 1, 0, 9, 15.0, dt=0.2)])
     assert repaired(tracks)[1] == []
     assert repaired(entering(1.0))[1] == []
+    # Equal positions tell no time: both samples would have the same.
+    assert repaired(entering(0.0))[1] == []
     # The speed column is wrong: the next interval does not agree with it either.
     assert repaired(replace(entering(0.4), speed=np.full(15, 30.0)))[1] == []
