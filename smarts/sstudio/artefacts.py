@@ -25,7 +25,7 @@ from smarts.sstudio.drawn_missions import with_sets
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import drawn_mission
 from smarts.sstudio.executing import Description
-from smarts.sstudio.recorded_traffic import WITHOUT_ROUTES, write_log
+from smarts.sstudio.recorded_traffic import WITHOUT_ROUTES, taken_vehicles, write_log
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_files import carried_files, left_out, seconds
@@ -62,11 +62,13 @@ def write_artefacts(
         filled, note = with_sets(drawn, roads, seed, f"{place}: ego_missions[0]")
         scenario = replace(scenario, ego_missions=(filled,))
         notes.append(note)
+    taken = taken_vehicles(scenario)
     for name, described in (scenario.traffic or {}).items():
         if described.recording:
             at, log = f"{place}: traffic[{name!r}].recording", f"traffic/{quote(name, safe='')}.log.npz"
-            recorded = write_log(described.recording, roads, directory, folder / log, at) | {"log": log}
-            traffic[name] = WITHOUT_ROUTES | {"recording": recorded}
+            written, note = write_log(described.recording, roads, directory, folder / log, at, taken)
+            traffic[name] = WITHOUT_ROUTES | {"recording": written | {"log": log}}
+            notes.append(f"traffic[{name!r}] {note}")
             continue
         traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more

@@ -5,13 +5,14 @@ Functions import what has kernels when they are called: experiments are read wit
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from smarts.errors import ScenarioError
+from smarts.errors import ScenarioError, nearest_names
 from smarts.recordings.headings import HeadingRule
 from smarts.recordings.reading import READERS, Source, read
 from smarts.recordings.tracks import TRACKS, Tracks, read_tracks
@@ -19,12 +20,15 @@ from smarts.recordings.transforms import Transform, transformed
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio.checks import Checks
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
+from smarts.sstudio.sstypes.entry_tactic import IdEntryTactic
 from smarts.sstudio.sstypes.recording import Recording
 from smarts.sstudio.sstypes.scenario import Scenario
 from smarts.sstudio.sstypes.traffic import Traffic
 
 WITHOUT_ROUTES = {"routes": [], "additional": [], "warm_up": 0.0, "options": {}, "reaction_time": 0.0}
 """What the manifest holds of traffic for which SUMO has no files."""
+BEFORE_IT_LEAVES = 1.0
+"""Episodes begin at least so long before a vehicle that an agent takes over leaves [s]."""
 HISTORY_SOURCES = (*READERS, "INTERACTION", "Waymo", "Argoverse")
 """Formats of traffic histories; those that have no reader are SMARTS 2's."""
 
@@ -55,15 +59,25 @@ def with_histories(scenario: Scenario, checks: Checks) -> Scenario:
 def recording_files(scenario: Scenario) -> list[str]:
     """Return the files of the recordings that a scenario's traffic names."""
     recordings = (traffic.recording for traffic in (scenario.traffic or {}).values())
-    return [_file_of(each).as_posix() for each in recordings if each is not None]
+    found = [each for each in recordings if isinstance(each, Recording)]
+    return [Path(each.source, "" if each.history else TRACKS).as_posix() for each in found]
 
 
-def _file_of(recording: Recording) -> Path:
-    return Path(recording.source) if recording.history else Path(recording.source) / TRACKS
+def taken_vehicles(scenario: Scenario) -> dict[str, float]:
+    """Return the vehicles that `IdEntryTactic`s name, and their latest start times [s]."""
+    groups = (scenario.social_agent_missions or {}).values()
+    missions = [*(scenario.ego_missions or ()), *(each for _, own in groups for each in own or ())]
+    found: dict[str, float] = {}
+    for tactic in (getattr(each, "entry_tactic", None) for each in missions):
+        if isinstance(tactic, IdEntryTactic):
+            found[tactic.actor_id] = max(found.get(tactic.actor_id, 0.0), tactic.start_time)
+    return found
 
 
-def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Path, at: str) -> dict[str, Any]:
-    """Write a recording's log, and return what the manifest holds of it.
+def write_log(
+    recording: Recording, roads: LaneGraph, directory: Path, file: Path, at: str, taken: Mapping[str, float]
+) -> tuple[dict[str, Any], str]:
+    """Write a recording's log; return what the manifest holds of it, and a note.
 
     Args:
         recording: The recording.
@@ -71,14 +85,15 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
         directory: The scenario's folder.
         file: Where to.
         at: The recording's place in the scenario's file, for errors.
+        taken: See `taken_vehicles`; episodes begin while these are there.
 
     Raises:
         SmartsError: The recording cannot be read, is no traffic, or does not belong to the map, or nothing
-            is recorded in the part that is asked for.
+            is recorded in the part that is asked for, or not the vehicles that are taken over.
     """
     from smarts.recordings.checks import on_lanes
     from smarts.recordings.importing import LEAST_ON_LANES
-    from smarts.recordings.log import make_log
+    from smarts.recordings.log import NAME, make_log
 
     if recording.history is None:
         tracks = read_tracks(directory / recording.source)
@@ -95,17 +110,29 @@ def write_log(recording: Recording, roads: LaneGraph, directory: Path, file: Pat
     latest = end - recording.window if recording.window is not None else recording.begin
     if not recording.begin <= latest < end:
         problem = f"begin={recording.begin:g}, window={recording.window} do not fit: it ends at {end:.4g} s"
-        raise ScenarioError(
-            problem, place=at, remedy="use an earlier begin, a later end, or a shorter window"
-        )
+        raise ScenarioError(problem, place=at, remedy="use an earlier begin, or a shorter window")
     log = make_log(tracks, roads, recording.begin, end)
     log.save(file)
-    return {
-        "mode": recording.mode,
-        "begin": recording.begin,
-        "latest": float(latest),
-        "vehicles": log.most_at_once(),
-    }
+    ends = {NAME + name: end for name, end in zip(log.names, log.paths.end.tolist(), strict=True)}
+    latest = float(_latest_begin(ends, taken, recording.begin, latest, at))
+    entry = {"mode": recording.mode, "begin": recording.begin, "latest": latest}
+    entry["vehicles"] = log.most_at_once()
+    first = f"{end - latest:.4g} to " if latest > recording.begin else ""
+    return entry, f"ends {first}{end - recording.begin:.4g} s after an episode's begin"
+
+
+def _latest_begin(
+    ends: Mapping[str, float], taken: Mapping[str, float], begin: float, latest: float, at: str
+) -> float:
+    """Return the latest begin of episodes at which all vehicles to take over have not left yet [s]."""
+    for name, start in taken.items():
+        until = {each: end - start - BEFORE_IT_LEAVES for each, end in ends.items()}
+        known = [each for each in until if until[each] >= begin]
+        if name not in known:
+            problem = f"no vehicle {name!r} to take over is recorded {start:g} s after the begin, or later"
+            raise ScenarioError(problem, place=at, remedy=nearest_names(name, known))
+        latest = min(latest, until[name])
+    return latest
 
 
 def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> Tracks:

@@ -19,7 +19,7 @@ class Recording(Described):
     begin: float = 0.0
     """What was recorded before is not used [s]."""
     end: float | None = None
-    """What was recorded after is not used [s]; None: up to the recording's end."""
+    """What was recorded after is not used, and the road empties there [s]; None: the recording's end."""
     window: float | None = None
     """Episodes begin at random times, at least so long before the recording's end [s]; None: at `begin`."""
     history: TrafficHistoryDataset | None = None

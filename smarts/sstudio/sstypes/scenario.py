@@ -124,7 +124,7 @@ class Scenario(Described):
     friction_maps: Sequence[RoadSurfacePatch] | None = None
     """Areas of different friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None
-    """Recorded traffic. So far it only causes a warning."""
+    """Recorded traffic: variations of the traffic, in mode "log"."""
     scenario_metadata: ScenarioMetadata | None = NO_METADATA
     """Facts without effect on the simulation."""
     start_variation: StartVariation | None = None

@@ -121,7 +121,7 @@ def test_mona_west_is_played_as_it_was_recorded(west):
                 assert np.hypot(*(states.position[slot] - (made.x[row], made.y[row]))) < 0.01
                 compared += 1
         assert compared > 4700
-        assert not run.engine.sims["delayed"].any()
+        assert not run.engine.sims["dropped"].any()
 
 
 def brake(west, mode, episodes):
@@ -165,6 +165,38 @@ def test_train_and_test_share_no_time(split):
     assert (files[1].begin, files[1].latest, files[1].mode) == (40.0, 40.0, "reactive")
 
 
+def taking(name, start=2.0):
+    tactic = f't.IdEntryTactic({start}, "{name}")'
+    return MISSION.replace("south_north", f"south_north, entry_tactic={tactic}")
+
+
+def test_episodes_begin_while_a_vehicle_that_is_taken_over_is_there(tmp_path):
+    """Vehicle 3 leaves at 29 s and is taken 2 s after the begin, with a second to spare."""
+    traffic = recorded(end=40.0, window=10.0)
+    built = build_scenario(
+        write(tmp_path / "one", f'traffic={{"a": {traffic}}}, {taking("history-vehicle-3")}')
+    )
+    assert built.traffic["a"].recording.latest == pytest.approx(26.0)
+    assert "traffic['a'] ends 14 to 40 s after an episode's begin" in built.notes
+
+
+@pytest.mark.parametrize(
+    ("mission", "problem"),
+    [
+        (taking("history-vehicle-33"), "no vehicle(?s:.*)did you mean 'history-vehicle-3'"),
+        (taking("3"), "no vehicle '3'"),
+        (
+            taking("history-vehicle-0", 19.5),
+            "is recorded 19.5 s after the begin(?s:.*)mean 'history-vehicle-10'",
+        ),
+    ],
+)
+def test_vehicles_that_cannot_be_taken_over_are_named(tmp_path, mission, problem):
+    write(tmp_path / "one", f'traffic={{"a": {recorded()}}}, {mission}')
+    with pytest.raises(SmartsError, match=problem):
+        build_scenario(tmp_path / "one")
+
+
 def test_episodes_begin_evenly_within_the_part(split):
     schedule = Schedule([build_scenario(split)], ["ego"])
     begins = [
@@ -187,6 +219,7 @@ def test_episodes_begin_evenly_within_the_part(split):
         (recorded().replace("Recorded", "SUMO"), None, "drives recordings"),
         (recorded().replace("[]", "[flow()]"), None, "nothing else"),
         (recorded().replace('"recording"', '"nowhere"'), None, "there is no recording"),
+        ('t.Traffic([], engine="Recorded", recording=".")', None, "not a Recording: '.'"),
         (recorded(), tracks(is_traffic="false"), "is no traffic"),
         (recorded(), tracks(y=30.0), "only 6% of the positions"),
     ],
@@ -256,7 +289,7 @@ def test_its_time_is_measured_beside_sumos(split, monkeypatch, capsys):
     options = ["--traffic", "early", "--worlds", "2", "--seconds", "20"]
     monkeypatch.setattr(sys, "argv", ["recorded", str(split), *options])
     perf.recorded.main()
-    rows = [line.rsplit(maxsplit=3) for line in capsys.readouterr().out.splitlines()[1:]]
+    rows = [line.rsplit(maxsplit=4) for line in capsys.readouterr().out.splitlines()[1:]]
     assert [row[0] for row in rows] == ["SUMO", "Recorded, log", "Recorded, reactive"]
     assert all(2.0 < float(row[1]) < 8.0 for row in rows)
 
