@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import cache
 from itertools import chain, product
 from typing import Any
@@ -18,7 +18,7 @@ from benchmark.experiment.algorithm_settings import (
 )
 from benchmark.experiment.environment import Driving, Environment, Host
 from benchmark.experiment.loggers import LOGGERS
-from benchmark.experiment.models import Budget, Contrasts, Experiment, TaskOverrides
+from benchmark.experiment.models import Budget, Experiment, TaskOverrides
 from benchmark.experiment.values import ends
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault, shown
@@ -227,7 +227,6 @@ def _contrasts(experiment: Experiment) -> Iterator[Fault]:
     given = experiment.contrasts
     if given is None:
         return
-    yield from _pairs(given, experiment.algorithms)
     if given.metric == "generalization":
         text = "generalization is of held-out variations, and contrasts are of conditions"
         yield Fault(("contrasts", "metric"), text, "choose another metric")
@@ -241,19 +240,6 @@ def _contrasts(experiment: Experiment) -> Iterator[Fault]:
             yield Fault(("contrasts", "conditions", number), f"no test has the condition {name!r}", remedy)
     if {*given.conditions} <= known and not any({*given.conditions} <= each for each in tests):
         yield Fault(("contrasts", "conditions"), "no task has all of them", "name those of one task")
-
-
-def _pairs(given: Contrasts, algorithms: Sequence[str]) -> Iterator[Fault]:
-    """Yield pairs of algorithms that are not trained, or are one, and pairs that are there already."""
-    for number, pair in enumerate(given.pairs):
-        key = ("contrasts", "pairs", number)
-        if missing := [name for name in pair if name not in algorithms]:
-            remedy = "add it, or leave contrasts out (--set contrasts=null)"
-            yield Fault(key, f"{missing[0]!r} is not in algorithms", remedy)
-        elif pair[0] == pair[1]:
-            yield Fault(key, f"{pair[0]!r} is compared with itself", "name two algorithms")
-        elif {*pair} in [{*each} for each in given.pairs[:number]]:
-            yield Fault(key, f"{pair[0]!r} and {pair[1]!r} are a pair already", "name each pair once")
 
 
 def _unfit_choices(algorithm: str, name: str, given: Any, environment: Environment) -> Iterator[Fault]:

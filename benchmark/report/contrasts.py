@@ -24,7 +24,7 @@ from smarts.registry import file_name
 from smarts.types.streams import Purpose, stream
 
 GAPS = (0.05, 0.10)
-"""True differences of which the power is told."""
+"""True differences whose power is reported."""
 REPEATS = 2000
 """Simulated experiments for each power."""
 COLUMNS = {

@@ -141,7 +141,10 @@ def generalization_rows(report: Report) -> list[list[str]]:
 
 
 def condition_rows(report: Report) -> list[list[str]]:
-    """Return a row for each policy and condition of a test, or scenario; of one if it is known who meets."""
+    """Return a row for each policy and condition of a test, or scenario.
+
+    A condition that is the only one has none, unless it is known which agents meet.
+    """
     rows, table = [], report.results.table
     tested = table[table["split"] != "held_out"]
     for task, traffic in report.columns if len(table) else ():

@@ -144,7 +144,7 @@ class Results:
     problems: Mapping[str, str]
     """File or folder -> why it was left out."""
     contrasts: Contrasts | None = None
-    """Of the first command that has any."""
+    """The contrasts of the first command that has any."""
     contrasted: tuple[tuple[str, str], ...] = ()
     """Tasks of that command with all conditions of its contrasts, with each traffic."""
     has_new_contrasts: bool = False

@@ -27,7 +27,7 @@ ROBUSTNESS = "robustness"
 """Folder of an experiment's results."""
 PLAY, TABLE = "play.json", "episodes.parquet"
 PARTNER = "partner"
-"""Column that the table of a play has beside those of a test: who drives the other agents."""
+"""Column that the table of a play has beside those of a test: which policy drives the other agents."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ from smarts_agent_kit.service import WrongActionsError, checked_actions
 
 TRAFFIC = "random_social_vehicles"
 MOST_NOTES = 4
-"""Changes since a training that are told one by one."""
+"""Largest number of changes since a training that are listed."""
 
 
 def evaluate_agent(

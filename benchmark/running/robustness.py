@@ -360,7 +360,7 @@ def _at_even_places(setting: TaskSetting) -> list[str]:
 
 
 def _by_driver(table: Frame, play: Play, even: Sequence[str]) -> Frame:
-    """Return the rows with who drives the agent, who the others, and under which condition."""
+    """Return the rows with the policies of the agent and of the others, and the condition."""
     is_even = table["agent"].isin([*even])
     drivers = np.where(is_even, play.even, play.odd)
     partners = np.where(is_even, play.odd, play.even)

@@ -1,7 +1,7 @@
 """A recording on a map, as the traffic engine needs it: where each vehicle is when, and the path it drives.
 
 A track's path leaves out what its samples scribble while it stands. Where the recording's end cuts a track
-off, its path goes on along the lanes to the map's end.
+off, its path continues along the lanes to the map's end.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ AHEAD = 10.0
 SLOWEST = 1.0
 """The least pace [m/s]."""
 BLEND = 30.0
-"""Distance on which a path that goes on along a lane comes to the middle of the lane [m]."""
+"""Distance within which a path that continues along a lane reaches the middle of the lane [m]."""
 NEAR = 3.0
 """A lane is that of a pose if its middle is not farther away [m]."""
 

@@ -15,17 +15,17 @@ class Paths(NamedTuple):
     kind: Bytes
     """A `VehicleKind`, shape (P,)."""
     length: Floats
-    """Of the footprint [m], shape (P,)."""
+    """Length of the footprint [m], shape (P,)."""
     width: Floats
-    """Of the footprint [m], shape (P,)."""
+    """Width of the footprint [m], shape (P,)."""
     headway: Floats
-    """Of the driver [s], shape (P,)."""
+    """Time headway that the driver keeps [s], shape (P,)."""
     begin: Floats
     """Time of the first sample [s], infinite for a path of lanes, shape (P,)."""
     end: Floats
     """Time of the last sample [s], minus infinity for a path of lanes, shape (P,)."""
     is_cut: Bools
-    """Whether the path goes on behind the last sample, along lanes, shape (P,)."""
+    """Whether the path continues along lanes after the last sample, shape (P,)."""
     sample: Ints
     """First sample of each path, and N, shape (P + 1,)."""
     point: Ints

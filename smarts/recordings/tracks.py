@@ -40,9 +40,9 @@ class Track(NamedTuple):
     kind: int
     """A `VehicleKind`."""
     length: float
-    """Of the footprint [m]."""
+    """Length of the footprint [m]."""
     width: float
-    """Of the footprint [m]."""
+    """Width of the footprint [m]."""
     samples: Floats
     """Columns as in `SAMPLE`, in order of time, shape (n, 5)."""
 
@@ -56,9 +56,9 @@ class Tracks:
     kind: Bytes
     """A `VehicleKind` each, shape (T,)."""
     length: Floats
-    """Of the footprints [m], shape (T,)."""
+    """Length of each footprint [m], shape (T,)."""
     width: Floats
-    """Of the footprints [m], shape (T,)."""
+    """Width of each footprint [m], shape (T,)."""
     start: Ints
     """First sample of each track, and N, shape (T + 1,)."""
     t: Floats

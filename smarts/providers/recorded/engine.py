@@ -106,8 +106,8 @@ class Recorded(TrafficEngine):
         for place in range(self._find_new(env_mask, rows, slots)):
             self._take(int(rows[place]), int(slots[place]))
         entering, leaving = self._step(env_mask, *self._found, *self._left)
-        if leaving:
-            self._world.registry.dismiss(*self._left[:, :leaving])
+        for row, slot in self._left[:, :leaving].T.tolist():
+            self._world.registry.dismiss(row, slot)
         self._admit(entering)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
@@ -189,7 +189,7 @@ class Recorded(TrafficEngine):
         return self._lanes[m, lane]
 
     def _add(self, paths: Paths, names: Sequence[str], routes: Sequence[tuple[int, ...]]) -> int:
-        """Append paths; those that are known keep their rows. Return the first one's."""
+        """Append paths behind the known ones, and return the row of the first."""
         traffic, first = self._traffic.value, len(self._names)
         self._names += names
         self._routes += routes

@@ -27,7 +27,7 @@ ACCEL, DECEL, HARDEST = 2.0, 3.0, 8.0
 SLOPE = 0.8
 """How much faster than the log a vehicle drives that is a metre late [1/s]."""
 LEAST_BLEND, BLEND_TIME = 15.0, 2.0
-"""A vehicle comes to the middle of its path within this distance [m] or time [s], whichever is longer."""
+"""A vehicle reaches the middle of its path within this distance [m] or time [s], whichever is longer."""
 MISALIGNED = 0.5
 """Parts of a path that differ more from a vehicle's heading are not near it [rad]."""
 Body: TypeAlias = tuple[float, float, float, float, float, float]

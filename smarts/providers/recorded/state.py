@@ -68,9 +68,9 @@ class Recorded(NamedTuple):
     owner: int
     dt: float
     step: Ints
-    """As in the world, shape (B,)."""
+    """Step of each episode, shape (B,)."""
     used: Ints
-    """Likewise."""
+    """Number of slots in use, shape (B,)."""
     vehicles: VehicleStates
     sims: Records
     """Shape (B,)."""

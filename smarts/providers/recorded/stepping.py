@@ -16,7 +16,7 @@ from smarts.providers.recorded.state import Course, Entry, Recorded
 from smarts.recordings.gaps import place_at
 
 SLACK = 1e-6
-"""Against rounding of times [s]."""
+"""Tolerance of comparisons of times [s]."""
 ROOM = 0.3
 """A vehicle enters so far from others that are not where the log has them, at least [m]."""
 ON_PLACE, ON_PACE = 0.1, 0.2

@@ -150,7 +150,7 @@ def test_a_report_shows_each_condition_of_a_test(tmp_path):
         "dense": ["0.50", "0.50", "1.00 / 1.00", "0.50 / 0.50", "", "2"],
     }
     assert "By condition" in write_report(tmp_path).read_text()
-    # Of one scenario alone, there is nothing to tell apart but who meets.
+    # One scenario alone has a row for the agents that meet.
     write_run(tmp_path / "one", "ppo", [agent_episodes([["goal"]], mode="greedy")])
     assert "By condition" not in write_report(tmp_path / "one").read_text()
     write_run(tmp_path / "met", "ppo", [agent_episodes([["goal"]], mode="greedy", meets=1.0)])

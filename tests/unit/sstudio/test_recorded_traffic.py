@@ -125,7 +125,7 @@ def test_mona_west_is_played_as_it_was_recorded(west):
 
 
 def brake(west, mode, episodes):
-    """Brake one vehicle of each episode to a stand; return the accelerations of those that hit it."""
+    """Brake one vehicle of each episode until it stops; return the accelerations of those that hit it."""
     files, draws, found = west.traffic["recorded"], np.random.default_rng(7), []
     west.traffic["recorded"] = replace(files, recording=replace(files.recording, mode=mode, latest=45.0))
     for episode in range(episodes):
@@ -152,7 +152,7 @@ def brake(west, mode, episodes):
 @needs_data
 def test_vehicles_brake_for_one_that_stops_among_them(west):
     assert len(brake(west, "log", 10)) >= 10
-    # Who cuts in when it is too late brakes as hard as it can.
+    # A vehicle that cuts in too late brakes as hard as it can.
     assert all(acceleration < -7.9 for acceleration in brake(west, "reactive", 20))
 
 
