@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -99,11 +100,11 @@ def _refuse_unplayable(combinations: Iterable[Combination]) -> None:
         check_engine(each.engine, name, is_recorded, each.built.name)
 
 
-def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:
+def _ground(built: BuiltScenario) -> tuple[Path, tuple[RoadSurfacePatch, ...], float]:
     """Return what scenarios that share a map in the atlas have in common: map, surface, largest speed."""
     speed = (built.scenario.scenario_metadata or {}).get(LANE_SPEED)
     patches = tuple(built.scenario.friction_maps or ())
-    return id(built.roads()), patches, math.inf if speed is None else float(speed)
+    return built.directory, patches, math.inf if speed is None else float(speed)
 
 
 def _interests(scenarios: Iterable[BuiltScenario]) -> dict[str, str]:
@@ -160,11 +161,9 @@ class Schedule:
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
-        # So that none is freed while `grounds` tells them apart.
-        held = [built.roads() for built in scenarios]
         grounds = [_ground(built) for built in scenarios]
         unique = [*dict.fromkeys(grounds)]
-        self.maps: tuple[LaneGraph, ...] = tuple(held[grounds.index(each)] for each in unique)
+        self.maps: tuple[LaneGraph, ...] = tuple(scenarios[grounds.index(each)].roads() for each in unique)
         """Each map once, or as often as it is driven on differently, in the order of its number."""
         self.surfaces = tuple(surface for _, surface, _ in unique)
         """Places on each map whose friction differs from a dry road's."""

@@ -143,5 +143,5 @@ def _load_scenario(file: Path) -> Scenario:
     return decode(_load_json(file))
 
 
-_load_roads = lru_cache(maxsize=64)(LaneGraph.load)
+_load_roads = lru_cache(maxsize=1024)(LaneGraph.load)
 """Reads a map, or returns one that was read lately."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from smarts.errors import ScenarioError
+from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.schedule import Schedule, vehicle_limit
 from smarts.sstudio.build import build_scenario
 from tests.raising import raises
@@ -61,6 +62,14 @@ def test_an_episode_is_a_function_of_seed_world_and_number(scenarios):
     starts = [one.start(world, episode) for world in range(2) for episode in range(24)]
     assert len({start.traffic_seed for start in starts}) == len(starts)
     assert len({(start.agents[0].pose, start.agents[0].speed) for start in starts}) == len(starts)
+
+
+def test_episodes_have_their_own_maps_where_more_are_played_than_stay_loaded(scenarios, monkeypatch):
+    monkeypatch.setattr("smarts.sstudio.built._load_roads", LaneGraph.load)
+    schedule = Schedule([*scenarios, scenarios[0]], ["ego"])
+    assert len(schedule.maps) == len(scenarios)
+    for each in schedule.combinations:
+        assert schedule.maps[each.map].edge_ids == each.built.roads().edge_ids
 
 
 def test_maps_are_loaded_once(scenarios):
