@@ -41,12 +41,14 @@ CONDITION_COLUMNS = {
     "played": "Condition of the test, or scenario",
     "completion": "Completion rate",
     "collision": "Collision rate",
+    "at fault": "At-fault collision rate",
     "meet": "Share of agent-episodes, and of episodes, with a way that meets another agent's within 5 s",
     "those that meet": "Completion and collision rate of these agent-episodes",
     "others": "Completion and collision rate of the others: a task without meetings is easier",
     "agent-episodes": "Of all training seeds",
     "note": "Why figures must not be averaged or compared",
 }
+CONDITION_RATES = (*RANKED_BY, "at_fault_collision_rate")
 DIFFERENCE_COLUMNS = {
     "task": "What is driven",
     "traffic": "Social vehicles on the road",
@@ -153,11 +155,11 @@ def condition_rows(report: Report) -> list[list[str]]:
         if played.nunique() < 2 and not meets(own).notna().any():
             continue
         own = own.assign(task=played)
-        values = by_key(measure_conditions(own, RANKED_BY))
+        values = by_key(measure_conditions(own, CONDITION_RATES))
         met = {which: by_key(measure_conditions(own[meets(own) == which], RANKED_BY)) for which in (1, 0)}
         for name, place, _, mode, metric in values:
             if metric == RANKED_BY[0]:
-                rates = [values[name, place, traffic, mode, each] for each in RANKED_BY]
+                rates = [values[name, place, traffic, mode, each] for each in CONDITION_RATES]
                 names = [algorithm_label(name), task_label(task), traffic_label(traffic), mode, place]
                 figures = [f"{rate.text} {rate.interval}".strip() for rate in rates]
                 mark = report.marks.get((name, task, traffic), "")
