@@ -143,7 +143,7 @@ def test_a_report_shows_each_condition_of_a_test(tmp_path):
     rows = [
         line.split(" | ") for line in text.partition("## By condition")[2].splitlines() if "greedy" in line
     ]
-    figures = {row[4]: [row[5].split()[0], row[6].split()[0], *row[7:11]] for row in rows[:2]}
+    figures = {row[4]: [row[5].split()[0], row[6].split()[0], *row[8:12]] for row in rows[:2]}
     assert figures == {
         # Of six, four meet another agent; the easy two do not hide what becomes of these.
         "unseen": ["0.83", "0.17", "0.67 / 0.67", "0.75 / 0.25", "1.00 / 0.00", "6"],
