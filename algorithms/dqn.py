@@ -156,8 +156,7 @@ class DQNLearner(OffPolicyLearner):
     def reprioritise(self, batch: ReplayBatch, surprise: Tensor) -> None:
         """Set priorities to the mean over active agents of absolute differences (M, N)."""
         if isinstance(self.replay, PrioritisedReplay) and batch.rows is not None:
-            total = torch.where(batch.alive, surprise, 0).sum(-1)
-            mean = total / batch.alive.sum(-1).clamp(min=1)
+            mean = torch.where(batch.alive, surprise, 0).sum(-1) / batch.alive.sum(-1).clamp(min=1)
             self.replay.reprioritise(self.parallel.whole(batch.rows), self.parallel.whole(mean))
 
     def following(self, net: DQNModule, own: ReplayGroup) -> tuple[GroupView, GroupView]:

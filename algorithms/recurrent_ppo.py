@@ -157,10 +157,8 @@ class RecurrentPPOLearner(PPOLearner):
     def remember(self, rollout: JointRollout) -> JointRollout:
         """Return the rollout with the critics' memories; those after its last step are held for the next."""
         device, masks = self._device, rollout.masks()
-        views = JointView.of(self.spec, rollout.views, device)
-        steps, envs, agents = views.alive.shape
-        empty = torch.zeros(agents, self.config.gru, device=device)
-        first = self.memories.before(rollout, empty)
+        steps, envs, agents = JointView.of(self.spec, rollout.views, device).alive.shape
+        first = self.memories.before(rollout, torch.zeros(agents, self.config.gru, device=device))
         flat = replace(
             JointView.of(
                 self.spec, _with_memories(rollout.views, first.expand(steps, -1, -1, -1)), device

@@ -341,8 +341,7 @@ def _one_hot(numbers: Sequence[int], size: int) -> NDArray:
 
 def _joined(count: int, rows: Mapping[str, NDArray], numbers: Mapping[str, NDArray]) -> NDArray:
     """Return the numbers of all rows, of those of each group, shape (N, P)."""
-    width = next((each.shape[1] for each in numbers.values()), 1)
-    whole = np.zeros((count, width))
+    whole = np.zeros((count, next((each.shape[1] for each in numbers.values()), 1)))
     for name, each in rows.items():
         whole[each] = numbers[name]
     return whole

@@ -26,15 +26,6 @@ KEPT_PREFIXES = ("LC_", "XDG_", "SMARTS_", "NUMBA_", "CUDA_", "OMP_", "OPENBLAS_
 """The environment variables that a child process inherits, but for the secret and the viewer's token."""
 
 
-def clean_environment() -> dict[str, str]:
-    """Return the environment variables of child processes: no secrets of the user's among them."""
-    return {
-        name: value
-        for name, value in os.environ.items()
-        if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name not in (SECRET, VIEWER)
-    }
-
-
 def start_process(
     fd: int, module: str, *, memory: float, paths: Sequence[str], **values: Any
 ) -> tuple[subprocess.Popen, str]:
@@ -54,7 +45,11 @@ def start_process(
     given = {"fd": fd, "module": module, "memory": int(memory * 1e9), "paths": paths, "folder": folder}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, json.dumps({**given, "values": values or None})],
-        env=clean_environment(),
+        env={
+            name: value
+            for name, value in os.environ.items()
+            if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name not in (SECRET, VIEWER)
+        },
         stdin=subprocess.PIPE,
         stdout=2,
         pass_fds=[fd],

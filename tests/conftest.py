@@ -3,6 +3,7 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 
 import pytest
 
@@ -77,6 +78,18 @@ def _own_code_is_forgotten():
     for module, name, kept in _own_code():
         kept.clear()
         kept.update(before.get((module, name), {}))
+
+
+@pytest.fixture
+def closing():
+    """Return a function that closes what it is given when the test ends, and returns it."""
+    with ExitStack() as stack:
+
+        def keep(made, closed=None):
+            stack.callback((closed or made).close)
+            return made
+
+        yield keep
 
 
 @pytest.fixture

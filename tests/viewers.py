@@ -2,7 +2,7 @@
 
 import http.client
 import threading
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
@@ -50,9 +50,7 @@ def ask(server, path, *, method="GET", body=None, **headers):
     """Return status, headers and body of an answer."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
     named = {name.replace("_", "-"): value for name, value in headers.items()}
-    try:
+    with closing(connection):
         connection.request(method, path, body, named)
         answer = connection.getresponse()
         return answer.status, dict(answer.getheaders()), answer.read()
-    finally:
-        connection.close()

@@ -114,8 +114,7 @@ class JointAlgorithm(Algorithm):
     @property
     def spec(self) -> JointSpec:
         """Agents and groups."""
-        group = self.env_runner_group
-        spaces: Any = group.get_spaces() if self.spaces is None else self.spaces
+        spaces: Any = self.env_runner_group.get_spaces() if self.spaces is None else self.spaces
         return spaces[SPEC][0]
 
     def training_step(self) -> None:

@@ -123,8 +123,7 @@ class JointView:
         """Return the rows of the sequences of the given numbers."""
         if self.length == 1:
             return chosen
-        count = len(self) // self.length
-        starts = count * torch.arange(self.length, device=chosen.device)
+        starts = (len(self) // self.length) * torch.arange(self.length, device=chosen.device)
         return (starts[:, None] + chosen).flatten()
 
     def part_at(self, rows: Tensor) -> Self:
@@ -190,8 +189,7 @@ class JointView:
         return {"fresh": fresh, "length": self.length}
 
     def _seen(self, group: Group) -> tuple[Mapping[str, Tensor], Tensor, Tensor | None]:
-        axis = self.alive.dim() - 1
-        within = (slice(None),) * axis + (group.within,)
+        within = (slice(None),) * (self.alive.dim() - 1) + (group.within,)
         mask = self.masks[group.block]
         return (
             {name: leaf[within] for name, leaf in self.observations[group.block].items()},

@@ -11,7 +11,6 @@ from gymnasium.spaces import Box, Discrete
 
 from algorithms.joint.env import (
     Bools,
-    FinalStep,
     Floats,
     Ints,
     JointSpaces,
@@ -74,7 +73,7 @@ class WithMeanActions:
         step = self._env.step(actions)
         final = step.final
         if final is not None:
-            final = self._with_final(final, means[final.rows])
+            final = final._replace(observations=self._with_means(final.observations, means[final.rows]))
         # Trajectories begin in an environment that was reset, and in a column that ended and is taken over.
         born = step.reset[:, None] | (step.alive & (step.terminated | step.truncated))
         born[list(step.failed)] = True
@@ -128,12 +127,8 @@ class WithMeanActions:
         self._alive = step.alive.copy()
         graph = None if step.graph is None else torch.from_numpy(step.graph)
         seen = [{name: torch.from_numpy(x) for name, x in leaves.items()} for leaves in step.observations]
-        neighbours = self._neighbourhood(torch.from_numpy(self._alive), graph, seen)
-        self._neighbours = neighbours.clone()
+        self._neighbours = self._neighbourhood(torch.from_numpy(self._alive), graph, seen).clone()
         return step._replace(observations=self._with_means(step.observations, self._means))
-
-    def _with_final(self, final: FinalStep, means: Floats) -> FinalStep:
-        return final._replace(observations=self._with_means(final.observations, means))
 
     def _with_means(self, observations, means: Floats):
         return tuple(

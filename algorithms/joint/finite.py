@@ -27,8 +27,7 @@ def non_finite(step: JointStep, agents: Sequence[str]) -> dict[int, BaseExceptio
         return {}
     found: dict[int, list[str]] = {}
     for rows, array, what, columns in parts:
-        leading = array.shape[: 1 + bool(columns)]
-        broken = ~np.isfinite(array.reshape(*leading, -1)).all(-1)
+        broken = ~np.isfinite(array.reshape(*array.shape[: 1 + bool(columns)], -1)).all(-1)
         for row, *place in np.argwhere(broken).tolist():
             whose = f" of agent {agents[columns[place[0]]]!r}" if columns else ""
             found.setdefault(int(rows[row]), []).append(what + whose)

@@ -142,8 +142,7 @@ class JointRollout:
     @classmethod
     def empty(cls, spaces: JointSpaces, steps: int, num_envs: int, *, log_prob: bool) -> JointRollout:
         """Return an unfilled fragment."""
-        agents = sum(len(block.agents) for block in spaces.blocks)
-        shape = (steps, num_envs, agents)
+        shape = (steps, num_envs, sum(len(block.agents) for block in spaces.blocks))
         return cls(
             views=View.empty(spaces, steps + 1, num_envs),
             actions=tuple(stored_actions(b.action, (steps, num_envs, len(b.agents))) for b in spaces.blocks),
@@ -199,13 +198,8 @@ class JointRollout:
             leaves |= {LATENT: before[LATENT]} if LATENT in before else {}  # of the episode that was cut
         _empty_memories(final.observations, ~masks.bootstrap[t, b])
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
-        self._forget(~masks.chain)
+        _empty_memories(self.views[1:].observations, ~masks.chain)
         return replace(self, final=final, final_at=at, _finals={})
-
-    def _forget(self, ended: Bools) -> None:
-        """Empty the memories that follow the steps (T, B, N) at which a trajectory ends."""
-        following = self.views[1:]
-        _empty_memories(following.observations, ended)
 
     def first(self, steps: int) -> JointRollout:
         """Return the first steps of all environments."""

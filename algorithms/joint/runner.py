@@ -361,8 +361,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         episodes = self.play(indices, explore=explore)
         self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
-            sampled = self.play(indices, explore=True)
-            totals = [float(episode.returns.sum()) for episode in sampled]
+            totals = [float(episode.returns.sum()) for episode in self.play(indices, explore=True)]
             self._log_mean((SAMPLED, EPISODE_RETURN_MEAN), totals)
             self._log_mean((GREEDY, EPISODE_RETURN_MEAN), [float(e.returns.sum()) for e in episodes])
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")

@@ -13,7 +13,7 @@ from gymnasium.spaces import Discrete
 from torch import Generator
 
 from algorithms.errors import EnvironmentFailure
-from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv, name_of
+from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv, columns_of, name_of
 from algorithms.joint.finite import non_finite
 from algorithms.joint.masks import same_trajectory
 from algorithms.joint.policies import Policies
@@ -326,12 +326,9 @@ class Sampler:
 
     def _forget(self, continues: Bools) -> None:
         """Empty the memory of agents whose trajectory ended, (B, N); rows handed out before keep it."""
-        column = 0
-        for leaves, block in zip(self._now.observations, self.spec.spaces.blocks, strict=True):
+        for leaves, columns in zip(self._now.observations, columns_of(self.spec.spaces.blocks), strict=True):
             if MEMORY in leaves:
-                own = continues[:, column : column + len(block.agents)]
-                leaves[MEMORY] = np.where(own[..., None], leaves[MEMORY], 0)
-            column += len(block.agents)
+                leaves[MEMORY] = np.where(continues[:, columns, None], leaves[MEMORY], 0)
 
     def _fail_non_finite(self, step: JointStep) -> JointStep:
         """Treat environments with NaN or infinite observations, states or rewards as failed."""
@@ -376,11 +373,10 @@ class Sampler:
         )
 
     def _clear_inactive(self, rollout: JointRollout) -> None:
-        alive, column = rollout.views.alive[:-1], 0
-        for actions, block in zip(rollout.actions, self.spec.spaces.blocks, strict=True):
-            there = alive[..., column : column + len(block.agents)]
+        alive = rollout.views.alive[:-1]
+        for actions, columns in zip(rollout.actions, columns_of(self.spec.spaces.blocks), strict=True):
+            there = alive[..., columns]
             actions *= there.reshape(there.shape + (1,) * (actions.ndim - 3)).astype(actions.dtype)
-            column += len(block.agents)
         if rollout.log_prob is not None:
             rollout.log_prob *= alive
 

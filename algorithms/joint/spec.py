@@ -156,8 +156,7 @@ def check_spaces(found: JointSpec, wanted: JointSpec, *, place: str) -> None:
 def agent_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
     """Return (observation space, action space) of one agent of the group, as RLlib wants them."""
     leaves = group.observation
-    observation = leaves[""] if list(leaves) == [""] else Dict(dict(leaves))
-    return observation, group.action
+    return leaves[""] if list(leaves) == [""] else Dict(dict(leaves)), group.action
 
 
 def action_size(action: Action) -> int:

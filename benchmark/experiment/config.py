@@ -50,8 +50,7 @@ def check_whole(experiment: Experiment) -> Experiment:
     """
     imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
     values = json.loads(experiment.model_dump_json(exclude_unset=True))  # as a file has it
-    whole = Experiment.model_validate({**values, "imports": [*imports]})
-    faults = [*check_experiment(whole)]
+    faults = [*check_experiment(Experiment.model_validate({**values, "imports": [*imports]}))]
     if not experiment.name:
         faults.insert(0, Fault(("name",), "is missing", "give the experiment one: name=..."))
     if faults:

@@ -243,27 +243,18 @@ def _places(
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             kind = SUBMITTED if known[entry] else paradigm_of(algorithm, entry in scripted)
-            named = (letter, task, traffic, experiment, algorithm, kind)
-            places.append(_place(named, standings.get(entry), rows[entry], known[entry]))
+            standing = standings.get(entry)
+            place = Place(
+                *(letter, task, traffic, experiment, algorithm, kind),
+                standing.rank if standing else None,
+                standing is not None and standing.is_tied,
+                *rates[entry],
+                own=tuple(rows[entry][len(RANKED_BY) :]),
+                status=max((each.status for each in known[entry]), key=STATUSES.index, default=""),
+                knows_test=any(each.knows_test for each in known[entry]),
+            )
+            places.append(place)
     return places
-
-
-def _place(
-    named: tuple[str, str, str, str, str, str],
-    standing: Standing | None,
-    row: Sequence[Value],
-    policies: Sequence[Submitted],
-) -> Place:
-    """Return a place from what it is named after, its standing, its values and what was submitted."""
-    return Place(
-        *named,
-        standing.rank if standing else None,
-        standing is not None and standing.is_tied,
-        *row[: len(RANKED_BY)],
-        own=tuple(row[len(RANKED_BY) :]),
-        status=max((each.status for each in policies), key=STATUSES.index, default=""),
-        knows_test=any(each.knows_test for each in policies),
-    )
 
 
 def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:

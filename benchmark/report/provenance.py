@@ -160,14 +160,14 @@ def totals(results: Results) -> list[str]:
     groups = [(names, algorithms), ("Scripted policies", scripted)]
     lines = [_finished(name, of_group) for name, of_group in groups if of_group] or ["There are no runs."]
     lines += beginnings(results)
-    if counts["invalid"]:
-        lines.append(
-            f"{counted(counts['invalid'], 'episode')} in which vehicles overlapped at the start: discarded."
-        )
-    if counts["incomplete"]:
-        lines.append(f"{counted(counts['incomplete'], 'episode')} cut short: discarded.")
-    if counts["corrupted"]:
-        lines.append(f"{counted(len(counts['corrupted']), 'episode')} that cannot be read: discarded.")
+    discarded = {
+        "in which vehicles overlapped at the start": counts["invalid"],
+        "cut short": counts["incomplete"],
+        "that cannot be read": len(counts["corrupted"]),
+    }
+    lines += [
+        f"{counted(number, 'episode')} {why}: discarded." for why, number in discarded.items() if number
+    ]
     return lines
 
 

@@ -176,8 +176,7 @@ def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:
         keys = ["task", "task_traffic", "algorithm", "training_seed"]
         sums: Frame = sums_of(kept, measure.needs, [kept[key] for key in keys])
         totals = {name: sums[name].to_numpy(float) for name in sums}
-        of_seeds = pd.Series(measure.of_whole(totals), sums.index)
-        places: Any = of_seeds.groupby(keys[:3])
+        places: Any = pd.Series(measure.of_whole(totals), sums.index).groupby(keys[:3])
         values |= {(metric, *place): each.to_numpy(float) for place, each in places}
     rows = [_by_seeds(row, values) for row in found.to_dict("records")]
     answer = found.assign(

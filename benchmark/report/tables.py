@@ -91,8 +91,7 @@ class MetricsRow:
 
 def metric_title(metric: str) -> str:
     """Return a metric's name, with its unit in brackets."""
-    unit = f" [{METRICS[metric].unit}]" if METRICS[metric].unit else ""
-    return METRICS[metric].label + unit
+    return METRICS[metric].label + (f" [{METRICS[metric].unit}]" if METRICS[metric].unit else "")
 
 
 def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:

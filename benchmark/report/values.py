@@ -184,6 +184,5 @@ def by_key(rows: Frame) -> dict[Key, Value]:
     records: list[dict[str, Any]] = rows.to_dict("records")
     for row in records:
         key = row["algorithm"], row["task"], row["traffic"], row["mode"], row["metric"]
-        names = [each.name for each in fields(Value)]
-        found[key] = Value(*(row[name] for name in names))
+        found[key] = Value(*(row[each.name] for each in fields(Value)))
     return found

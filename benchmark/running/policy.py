@@ -44,8 +44,7 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
     built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
     config = config_of(run)
     check_signature(built["config"].checkpoint_signature(), config.checkpoint_signature())
-    root = checkpoint / "learner_group" / "learner" / "rl_module"
-    folders = sorted(root.glob("*/"))
+    folders = sorted((checkpoint / "learner_group" / "learner" / "rl_module").glob("*/"))
     described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}
     made = {
         folder.name: _module(folder, given)
@@ -54,8 +53,7 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
     }
     groups = [group.id for group in next(iter(made.values())).spec.groups]
     made = {group: made[group] for group in groups}
-    count = run.task_setting.environment.agent_count
-    is_same = len(made[groups[0]].spec.agents) == count
+    is_same = len(made[groups[0]].spec.agents) == run.task_setting.environment.agent_count
     return made if is_same else _for_agents(run, made, config, str(checkpoint))
 
 

@@ -13,8 +13,6 @@ from benchmark.results.files import ResultsError, check_free, replace_folder, wr
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
-    LARGEST,
-    LARGEST_FILE,
     MANIFEST,
     POLICIES,
     SEEDS,
@@ -43,8 +41,8 @@ def write_release(
 
     Raises:
         ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
-            froze it, or are missing, or a file is too large; names each. Or their tests have conditions, or
-            the folder holds something.
+            froze it, or are missing; names each. Or their tests have conditions, or the folder holds
+            something.
         SmartsError: A policy cannot be exported.
     """
     check_free(out)
@@ -87,7 +85,6 @@ def write_release(
             policies=[_entry(root, run, folder, imports) for run in runs],
         )
         write_json(folder / MANIFEST, manifest.content())
-        _check_sizes(folder)
         found.append(manifest)
 
     replace_folder(out, fill)
@@ -154,15 +151,3 @@ def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Pat
         scores=scores_of(run.table),
         episodes=episode_digests(run.table),
     )
-
-
-def _check_sizes(folder: Path) -> None:
-    sizes = {file: file.stat().st_size for file in folder.rglob("*") if file.is_file()}
-    large = [f"{file.relative_to(folder)}: {size:,}" for file, size in sizes.items() if size > LARGEST_FILE]
-    if large or sum(sizes.values()) > LARGEST:
-        raise ResultsError(
-            f"too large: {'; '.join(large) or f'{sum(sizes.values()):,} bytes in all'}",
-            place=str(folder),
-            remedy=f"a release has at most {LARGEST_FILE:,} bytes a file and {LARGEST:,} in all: "
-            "train smaller networks, or let agents share one (sharing: all)",
-        )

@@ -302,8 +302,7 @@ class Training:
         result = self._algo.train()
         took = time.monotonic() - began
         runners = result["env_runners"]
-        decisions = sum(runners["num_agent_steps_sampled_lifetime"].values())
-        agent_steps = int(decisions * interval)
+        agent_steps = int(sum(runners["num_agent_steps_sampled_lifetime"].values()) * interval)
         speed = (agent_steps - self._state.agent_steps) / took
         self._state = replace(
             self._state,

@@ -174,8 +174,7 @@ class SinglePlayer(LocalPolicy):
         try:
             if place not in self._agents or self._agents[place][0] != hold:
                 self._agents[place] = hold, built_agent(spec, self._policy.name)
-            agent = self._agents[place][1]
-            return spec.action_adapter(agent.act(spec.observation_adapter(seen)))
+            return spec.action_adapter(self._agents[place][1].act(spec.observation_adapter(seen)))
         except FAILURES as error:
             return failed_by(error)
 

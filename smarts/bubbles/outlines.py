@@ -59,8 +59,7 @@ def bubble_table(bubbles: Iterable[PlacedBubble]) -> BubbleTable:
     """Return bubbles as arrays."""
     bubbles = [*bubbles]
     rings = [ring for bubble in bubbles for ring in (*bubble.zone, *bubble.margin)]
-    counts = [len(bubble.zone) + len(bubble.margin) for bubble in bubbles]
-    first_ring = starts_of(counts)
+    first_ring = starts_of([len(bubble.zone) + len(bubble.margin) for bubble in bubbles])
     return BubbleTable(
         points=np.concatenate([np.zeros((0, 2)), *rings]),
         ring_start=starts_of([len(ring) for ring in rings]),

@@ -134,5 +134,4 @@ def _limits(bubble: t.Bubble) -> tuple[int, int]:
     capacity = bubble.actor.capacity if isinstance(bubble.actor, t.BoidAgentActor) else None
     limits = [limit for limit in (bubble.limit, capacity) if limit is not None]
     shadow = min([UNLIMITED, *(limit.shadow_limit for limit in limits)])
-    hijack = min([shadow, *(limit.hijack_limit for limit in limits)])
-    return hijack, shadow
+    return min([shadow, *(limit.hijack_limit for limit in limits)]), shadow

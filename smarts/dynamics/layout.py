@@ -215,8 +215,7 @@ def _roll_spring(axle: AxleParameters, tyre_stiffness: float) -> float:
     lever = 0.5 * axle.track**2
     suspension, tyre = axle.spring * lever + axle.roll_stiffness, tyre_stiffness * lever
     both = 1.0 / (1.0 / suspension + 1.0 / tyre)
-    springs = lever / (1.0 / axle.spring + 1.0 / tyre_stiffness)
-    return (both - springs) / axle.track**2
+    return (both - lever / (1.0 / axle.spring + 1.0 / tyre_stiffness)) / axle.track**2
 
 
 def _at_load(tyre: TyreParameters, load: float, nominal: float) -> tuple[float, float, float]:

@@ -182,14 +182,10 @@ ALIASES = {"sedan": "passenger"}
 
 def vehicle_names() -> tuple[str, ...]:
     """Return the names that `vehicle` knows."""
-    return tuple(sorted([*_stems("vehicles"), *ALIASES]))
+    return tuple(sorted([*[file.stem for file in (FOLDER / "vehicles").glob("*.yaml")], *ALIASES]))
 
 
 @functools.cache
 def vehicle(name: str) -> VehicleParameters:
     """Return the parameters of a vehicle type."""
     return read_config(FOLDER / "vehicles" / f"{ALIASES.get(name, name)}.yaml", VehicleParameters)
-
-
-def _stems(folder: str) -> list[str]:
-    return [file.stem for file in (FOLDER / folder).glob("*.yaml")]

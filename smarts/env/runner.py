@@ -347,8 +347,7 @@ class SimulationRunner:
         """Take the social agents' answers; return which agents have failed."""
         failed = {} if self._requests is None else self._requests.gather()
         for (row, number), problem in failed.items():
-            name = self._pool.starts[row][number].name
-            self.social_failures.setdefault(row, {})[name] = problem
+            self.social_failures.setdefault(row, {})[self._pool.starts[row][number].name] = problem
         return failed
 
     def _keep(self, frame: Frame) -> Frame:

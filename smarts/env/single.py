@@ -47,8 +47,7 @@ class SingleHiWayEnv(DictEnvApi, gym.Env):
         **options: Unpack[EnvOptions],
     ) -> None:
         check_keywords(SingleHiWayEnv, options)
-        agents = 1 if agent is None else {AGENT: agent}
-        settings = EnvSettings(scenarios, agents, 1, **options)
+        settings = EnvSettings(scenarios, 1 if agent is None else {AGENT: agent}, 1, **options)
         self._env = DictEnv(settings, render_mode=render_mode)
         self.observation_space = self._env.observation_spaces()[AGENT]
         self.action_space = self._env.action_spaces()[AGENT]

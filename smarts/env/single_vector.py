@@ -20,7 +20,6 @@ from smarts.env.settings import EnvOptions, EnvSettings
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
-from smarts.errors import SmartsError
 from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
 
@@ -79,11 +78,8 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         """Begin the next episodes, or with a seed the first ones of that seed.
 
         Raises:
-            SmartsError: `seed` is not a number, or only some simulations are to be reset.
+            SmartsError: `seed` is not a number.
         """
-        if "reset_mask" in (options or {}):
-            remedy = "leave it out: simulations reset themselves"
-            raise SmartsError("reset_mask is given", place="reset", remedy=remedy)
         played = [start.episode for start in self._env.episodes]
         first = 0 if seed is not None or not played else 1 + max(played)
         step = self._env.reset(seed, episode=first)

@@ -201,16 +201,11 @@ def draw_vehicles(axes: Axes, moment: Moment) -> None:
     states = moment.states
     egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
     rows = np.flatnonzero(states.alive)
-    colours = [egos.get(row, vehicle_colour(states.kind[row])) for row in rows.tolist()]
+    colours = [egos.get(row, LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR)) for row in rows.tolist()]
     x, y = states.position[rows].T
     places = x, y, states.heading[rows], states.length[rows], states.width[rows]
     for shapes in vehicle_shapes(*places, colours=colours, edge_width=0.3):
         axes.add_collection(shapes)
-
-
-def vehicle_colour(kind: int) -> str:
-    """Return the colour of a vehicle that is not an ego."""
-    return LARGE_VEHICLES.get(VehicleKind(kind), CAR)
 
 
 def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:

@@ -62,8 +62,7 @@ def build_grid(
 def _count_then_fill(listing: Callable, cells: int, arguments: tuple, width: int) -> tuple[Ints, Ints]:
     """Run a listing kernel twice: first count each cell's entries, then write them."""
     start = np.zeros(cells + 1, np.int32)
-    nothing = np.empty((0, width), np.int32)
-    listing(*arguments, start[1:], nothing)
+    listing(*arguments, start[1:], np.empty((0, width), np.int32))
     np.cumsum(start, out=start)
     entries = np.empty((int(start[-1]), width), np.int32)
     listing(*arguments, start[:-1].copy(), entries)

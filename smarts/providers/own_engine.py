@@ -26,8 +26,7 @@ def make_own_engine(
         OwnCodeError: Its constructor raises.
     """
     doing = f"the traffic engine {name!r} (traffic_engine)"
-    engine = guarded(kind, doing)(world, maps)
-    return OwnEngine(engine, doing, world)
+    return OwnEngine(guarded(kind, doing)(world, maps), doing, world)
 
 
 class OwnEngine:

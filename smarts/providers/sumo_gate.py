@@ -224,8 +224,7 @@ class SumoGate:
         """Return what is wrong with a vehicle's pose on SUMO's lane."""
         states, roads = self._states, self._roads
         lane, length = roads.lane_of_id(shadow.lane), float(states.length[slot])
-        scale = float(roads.length[lane] / max(roads.driven_length[lane], 1e-9))
-        front = shadow.position * scale
+        front = shadow.position * float(roads.length[lane] / max(roads.driven_length[lane], 1e-9))
         ahead = front + STEPS_BEFORE * self._dt * float(states.speed[slot])
         if roads.is_internal[lane] or front - length < -LEAST_TAIL or ahead > roads.length[lane]:
             return Refusal.IN_JUNCTION

@@ -301,8 +301,7 @@ class FleetVehicles:
                 self._with_boxes.discard(row)
 
     def _key(self, row: int, slot: int) -> int:
-        generation = int(self._world.vehicles.generation[row, slot])
-        return generation * self._world.vehicles.capacity + slot
+        return int(self._world.vehicles.generation[row, slot]) * self._world.vehicles.capacity + slot
 
     def _box(self, row: int, slot: int) -> Box:
         vehicles = self._world.vehicles

@@ -58,8 +58,7 @@ class AgentRoutes:
         Raises:
             MapError: A route has an unknown edge or a gap.
         """
-        agents = self.number.shape[1]
-        given = [*map(tuple, routes), *[()] * (agents - len(routes))]
+        given = [*map(tuple, routes), *[()] * (self.number.shape[1] - len(routes))]
         if not self._spare and (map_number, given) == (self._maps[row], self._routes[row]):
             return
         self._maps[row], self._routes[row] = map_number, given
@@ -104,8 +103,7 @@ class AgentRoutes:
 
     def _with_room(self, table: RouteTable, spare: int) -> RouteTable:
         """Return a table with more rows, which belong to no route yet."""
-        roads = self.atlas.roads
-        missing = int(roads.lane_index.max(initial=0)) + 1 - table.changes.shape[1]
+        missing = int(self.atlas.roads.lane_index.max(initial=0)) + 1 - table.changes.shape[1]
         table = table._replace(changes=np.pad(table.changes, ((0, 0), (0, max(missing, 0)))))
         # No lane of these maps leads into more than a few others.
         longer = {name: _longer(getattr(table, name), spare) for name in (*_ROWS, "start", "onward_start")}
@@ -142,5 +140,4 @@ class AgentRoutes:
 
 def _longer(column: NDArray, spare: int) -> NDArray:
     """Return a column with more entries, -1 each."""
-    more = np.full((spare, *column.shape[1:]), -1, column.dtype)
-    return np.concatenate([column, more])
+    return np.concatenate([column, np.full((spare, *column.shape[1:]), -1, column.dtype)])

@@ -265,8 +265,7 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     Lanes side by side are those of one edge; inside junctions, of one connection of two edges.
     """
     lanes = np.arange(len(graph.lane_ids), dtype=np.int32)
-    usable = np.isin(graph.kind, list(kinds))
-    kept = usable[graph.successor]
+    kept = np.isin(graph.kind, list(kinds))[graph.successor]
     # How many of the links before each lane's own are kept.
     start = np.concatenate(([0], np.cumsum(kept)))[graph.successor_start].astype(np.int32)
     unknown = np.full(len(lanes), np.nan)
@@ -309,8 +308,7 @@ def _junction_rows(graph: LaneGraph, chains: Sequence[Sequence[int]], span: floa
     """
     rows: dict[int, _Inside] = {}
     for chain in chains:
-        inside = chain[1:-1]
-        stations = np.concatenate(([0.0], np.cumsum(graph.length[list(inside)])))
+        stations = np.concatenate(([0.0], np.cumsum(graph.length[list(chain[1:-1])])))
         stations = stations * (span / max(stations[-1], 1e-9))
         for place, (lane, following) in enumerate(itertools.pairwise(chain[1:])):
             row = rows.setdefault(lane, _Inside(stations[place], stations[place + 1], set()))

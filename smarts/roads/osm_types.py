@@ -26,8 +26,7 @@ def write_road_types(sumo: Path, folder: Path) -> Path:
         sumo: The folder of the SUMO package.
         folder: Where to.
     """
-    table = sumo / "data" / "typemap" / "osmNetconvert.typ.xml"
-    root = ElementTree.parse(table).getroot()
+    root = ElementTree.parse(sumo / "data" / "typemap" / "osmNetconvert.typ.xml").getroot()
     known = {element.get("id", ""): element for element in root.iter("type")}
     for name, changes in OPENED.items():
         attributes = dict(known[_ROAD].attrib) | {"id": name} | changes

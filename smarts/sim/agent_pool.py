@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.arrays import Ints
-from smarts.errors import ScenarioError
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
@@ -123,21 +122,10 @@ class AgentPool:
             self.clear_with(block.values(), readings.agent_ids[name])
 
     def begin(self, row: int, start: EpisodeStart) -> None:
-        """Begin an episode in an empty simulation: its agents get their numbers, the egos their columns.
-
-        Raises:
-            ScenarioError: Two agents have one name.
-        """
-        names = [agent.name for agent in start.agents]
-        if len(set(names)) != len(names):
-            raise ScenarioError(
-                f"two of the agents {', '.join(map(repr, names))} have one name",
-                place=start.scenario,
-                remedy="give every agent a name of its own",
-            )
+        """Begin an episode in an empty simulation: its agents get their numbers, the egos their columns."""
         egos = [agent for agent in start.agents if agent.interface == UNSET]
         self.episodes[row] = start
-        self.starts[row], self._names[row] = [*start.agents], set(names)
+        self.starts[row], self._names[row] = [*start.agents], {agent.name for agent in start.agents}
         self.policy[row] = UNSET
         self.busy[row] = False
         self.holds[row] = []

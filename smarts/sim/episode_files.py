@@ -134,8 +134,7 @@ class EpisodeWriter:
                 if not self._open:
                     self._folder = self._store.partial() / f"{id(self):x}"
                     self._folder.mkdir()
-                file = self._folder / f"{table}.parquet"
-                self._open[table] = _parquet_writer(file, TABLE[table])
+                self._open[table] = _parquet_writer(self._folder / f"{table}.parquet", TABLE[table])
             if table == VEHICLES.name:
                 # By vehicle, neighbouring rows are alike and take a sixth less; readers order them by step.
                 order = np.lexsort([np.asarray(rows[name]) for name in ("step", "generation", "slot")])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -62,7 +63,7 @@ def reset_moment(
 
 def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Moment:
     parts = assemble([played], [AgentInterface()] * egos, seed=seed)
-    try:
+    with closing(parts.simulation):
         start = parts.schedule.start(0, 0)
         files = replace(start.traffic, warm_up=start.traffic.warm_up + seconds)
         parts.simulation.reset({0: replace(start, traffic=files)})
@@ -77,5 +78,3 @@ def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Momen
             world.registry.name(0, slot): slot for slot in np.flatnonzero(world.vehicles.alive[0]).tolist()
         }
         return Moment(VehicleStates._make(columns), slots, names)
-    finally:
-        parts.simulation.close()

@@ -34,8 +34,7 @@ def observation_notes(frame: Frame, row: int, seen: Mapping[int, int], origin: F
         origin: What positions are relative to [m].
     """
     for name, block in frame.readings.blocks.items() if seen else ():
-        sensor = name.partition(":")[0]
-        kind, make = _SENSORS.get(sensor, ("", None))
+        kind, make = _SENSORS.get(name.partition(":")[0], ("", None))
         places = frame.readings.agent_ids[name].tolist()
         for agent_id, step in seen.items():
             if make is not None and agent_id in places:

@@ -226,8 +226,7 @@ class EpisodePublisher:
             self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
 
     def _put(self, shown: _Row, message: Content) -> None:
-        stamped = {**message, "source": shown.source, "serial": shown.serial}
-        self._outlet.put(stamped, shown.epoch)
+        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, shown.epoch)
 
     def _send(self, row: int, shown: _Row, frame: Frame) -> None:
         """Send a frame of one simulation, and before it what lasts and has not been sent."""

@@ -156,8 +156,7 @@ class Simulation:
             invalidate(world, events, row)
         self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
-        readings = stages.sensors.observe(seen)
-        happened = commands, contacts, events, seen, readings, failures
+        happened = commands, contacts, events, seen, stages.sensors.observe(seen), failures
         frame = Frame(
             world,
             env_mask,
@@ -193,8 +192,7 @@ class Simulation:
         events = stages.events.reset(contacts, rows)
         self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
-        readings = stages.sensors.observe(seen)
-        happened = None, contacts, events, seen, readings
+        happened = None, contacts, events, seen, stages.sensors.observe(seen)
         frame = Frame(world, rows, None, *happened, starts=starts, bubbles=stages.bubbles.states)
         if stages.recorder is not None:
             stages.recorder.record(frame)

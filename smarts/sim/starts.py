@@ -196,8 +196,7 @@ def _agent_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> Age
     length = 0.0
     if route:
         corridor = corridor_of(roads, route)
-        behind = placed.start.s - shape.length / 2
-        begin = distance_along(corridor, roads, placed.start.lane, behind)
+        begin = distance_along(corridor, roads, placed.start.lane, placed.start.s - shape.length / 2)
         length = distance_along(corridor, roads, placed.goal.lane, placed.goal.s, last=True) - begin
     return AgentMission(
         route=route,

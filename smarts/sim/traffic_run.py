@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import numpy as np
@@ -86,7 +86,5 @@ def traffic_run(built: BuiltScenario, traffic: str | None, **options: Any) -> It
         ScenarioError: There is no such traffic.
     """
     run = TrafficRun(built, traffic, **options)
-    try:
+    with closing(run.engine):
         yield run
-    finally:
-        run.engine.close()

@@ -175,8 +175,7 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
     with _named_failures(str(directory)):
         location = Location(directory.name, directory, described_only=True)
         check_seed(seed, str(directory))
-        described = _portable(scenario, location)
-        built = _build(location, Description(described, seed))
+        built = _build(location, Description(_portable(scenario, location), seed))
         _warn(_place(location), built.warnings)
         return built
 
@@ -257,7 +256,9 @@ def _build_on(
     source: MapSource, location: Location, description: Description, inputs: str | None
 ) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
-    map_key = _fingerprint_map(source)
+    map_key = digest(
+        [source.kind, [(file.name, file_hash(file)) for file in source.files], _toolchain()], size=8
+    )
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
     files = _sumo_files(description.scenario) + recording_files(description.scenario)
@@ -412,12 +413,6 @@ def _fingerprint_inputs(location: Location, seed: int | None) -> str:
         files = [root / "index" / f"{DESCRIBED}.json" for root in location.builds]
     contents = [(file.name, file_hash(file)) for file in files if file.is_file()]
     return digest([contents, seed, location.variation, _toolchain()], size=8)
-
-
-def _fingerprint_map(source: MapSource) -> str:
-    return digest(
-        [source.kind, [(file.name, file_hash(file)) for file in source.files], _toolchain()], size=8
-    )
 
 
 def _relative(directory: Path, files: Iterable[Path]) -> list[str]:

@@ -49,8 +49,7 @@ def decode(data: Json) -> Any:
 
 
 def _decode_object(data: dict[str, Json]) -> Any:
-    arguments = {key: decode(item) for key, item in data.items() if key != TYPE}
-    return _TYPES[data[TYPE]](**arguments)
+    return _TYPES[data[TYPE]](**{key: decode(item) for key, item in data.items() if key != TYPE})
 
 
 def _decode_enum(data: dict[str, Json]) -> Any:

@@ -247,8 +247,7 @@ def turn_indicators(lanes: Mapping[str, Any]) -> NDArray[np.uint16]:
     first, last = np.where(has_line, start[:-1], 0), np.where(has_line, start[1:] - 2, 0)
     bend = wrap_angle(heading[last] - heading[first])
     is_turn = has_line & (unpacked_array(lanes["junction"]) == 1) & (np.abs(bend) > TURN_ANGLE)
-    bits = np.where(is_turn, np.where(bend > 0.0, LEFT, RIGHT), 0)
-    return np.append(bits, 0).astype(np.uint16)
+    return np.append(np.where(is_turn, np.where(bend > 0.0, LEFT, RIGHT), 0), 0).astype(np.uint16)
 
 
 class _Holds:

@@ -94,5 +94,4 @@ class Events(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int) -> Events:
         """Return buffers without events for B simulations of A agents."""
-        events = columns.allocate(cls, (worlds, agents))
-        return events._replace(finished=np.zeros(worlds, np.bool_))
+        return columns.allocate(cls, (worlds, agents))._replace(finished=np.zeros(worlds, np.bool_))

@@ -58,8 +58,7 @@ class ZooEntry:
     def description(self) -> str:
         """Return the first sentence of the entry point's docstring."""
         # Not `getdoc`, which takes the docstring of a base class.
-        text = inspect.cleandoc(self.load().__doc__ or "")
-        return " ".join(text.split("\n\n")[0].split())
+        return " ".join(inspect.cleandoc(self.load().__doc__ or "").split("\n\n")[0].split())
 
     def options(self) -> dict[str, Any]:
         """Return the names and defaults of the entry point's own keywords."""

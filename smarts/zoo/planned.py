@@ -350,5 +350,4 @@ def neighbours_of(ways: Floats, nearby: Floats, own: Floats) -> Neighbours:
 
 def _of_rows(paths: Floats) -> Floats:
     """Return paths with `ROWS` rows, evenly in time."""
-    times = paths[:, -1:, 0] * np.linspace(0.0, 1.0, ROWS)
-    return resample(paths, times)
+    return resample(paths, paths[:, -1:, 0] * np.linspace(0.0, 1.0, ROWS))

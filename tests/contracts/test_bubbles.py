@@ -2,6 +2,7 @@
 
 import hashlib
 import shutil
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -112,10 +113,8 @@ class Run:
 
     def played(self):
         """Yield the world after each decision."""
-        try:
+        with closing(self.env):
             yield from self.decisions()
-        finally:
-            self.env.close()
 
     def decisions(self):
         for _ in range(DECISIONS):

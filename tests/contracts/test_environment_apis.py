@@ -1,5 +1,7 @@
 """Every environment API passes the checks of its library, on three scenarios."""
 
+from contextlib import closing
+
 import gymnasium
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -23,11 +25,8 @@ def scenario(request):
 
 @pytest.mark.parametrize("observation", observation_names())
 def test_pettingzoo(scenario, observation):
-    env = hiway_parallel_env([scenario], 3, observation=observation)
-    try:
+    with closing(hiway_parallel_env([scenario], 3, observation=observation)) as env:
         parallel_api_test(env, num_cycles=60)
-    finally:
-        env.close()
 
 
 def test_pettingzoo_seeds(scenario):
@@ -45,20 +44,16 @@ def test_pettingzoo_seeds(scenario):
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("observation", observation_names())
 def test_gymnasium(scenario, observation):
-    env = SingleHiWayEnv([scenario], observation=observation)
-    try:
+    with closing(SingleHiWayEnv([scenario], observation=observation)) as env:
         check_env(env, skip_render_check=True)
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize("masks", [{}, {"action_mask": True}], ids=["default", "action_mask"])
 def test_rllib(scenario, masks):
-    env = RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True, **masks})
-    try:
+    with closing(
+        RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True, **masks})
+    ) as env:
         check_multiagent_environments(env)
-    finally:
-        env.close()
 
 
 def test_the_papers_listing():
@@ -72,7 +67,7 @@ def test_the_papers_listing():
         "smarts.env:hiway-v0", scenarios=["scenarios/loop"], agent_specs={agent_id: agent_spec}
     )
     agent = agent_spec.build_agent()
-    try:
+    with closing(env):
         for _ in range(2):
             observations, _ = env.reset()
             is_over, steps = False, 0
@@ -85,5 +80,3 @@ def test_the_papers_listing():
             assert infos[agent_id]["outcome"] == "time_out"
             assert rewards[agent_id] >= 0.0
             assert observations[agent_id].events.reached_max_episode_steps
-    finally:
-        env.close()

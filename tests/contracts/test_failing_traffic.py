@@ -1,5 +1,7 @@
 """If SUMO fails during an episode, every environment API raises one error, and the next reset works."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -67,7 +69,7 @@ def test_dict_environments_raise_one_error_and_can_be_reset(doomed):
 def test_vector_environments_report_the_failure_and_continue(doomed, tmp_path):
     env = VectorHiWayEnv(3, [doomed], 1, simulation=Options(record=tmp_path))
     keep = [np.zeros((3, 1), int)]
-    try:
+    with closing(env):
         env.reset(1)
         failures = set()
         for _ in range(60):
@@ -87,8 +89,6 @@ def test_vector_environments_report_the_failure_and_continue(doomed, tmp_path):
                 assert env.episodes[row].episode == episode + 1
                 assert now.observations[0][""][row].any()
         assert {world for world, _ in failures} == {0, 1, 2}
-    finally:
-        env.close()
     recorded = {
         (int(facts["world"]), int(facts["episode"]))
         for facts in (RecordedEpisode(folder).facts for folder in episodes_in(tmp_path))
@@ -98,8 +98,7 @@ def test_vector_environments_report_the_failure_and_continue(doomed, tmp_path):
 
 
 def test_gymnasium_vector_environments_truncate_the_episode(doomed):
-    env = SingleHiWayVectorEnv(3, [doomed])
-    try:
+    with closing(SingleHiWayVectorEnv(3, [doomed])) as env:
         last, _ = env.reset(seed=1)
         cut = np.zeros(3, bool)
         for _ in range(60):
@@ -113,5 +112,3 @@ def test_gymnasium_vector_environments_truncate_the_episode(doomed):
                 np.testing.assert_array_equal(infos["final_obs"][number], last[number])
             last = seen
         assert cut.all()
-    finally:
-        env.close()

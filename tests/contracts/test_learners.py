@@ -1,5 +1,6 @@
 """`VectorHiWayEnv` fulfils the learners' contract."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -36,10 +37,8 @@ def different_scenarios(env):
 def test_vector_contract(options):
     """The batch holds two scenarios with traffic."""
     env: Any = VectorHiWayEnv(2, ["intersection", "double_merge"], **options)
-    try:
+    with closing(env):
         check_vector_env(env, steps=60, seed=different_scenarios(env))
-    finally:
-        env.close()
 
 
 def trained(env, env_config=None):

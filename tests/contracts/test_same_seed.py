@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ def hashes(worlds):
     """Return for each world the hash of its states and of what agents get over 400 steps."""
     env = VectorHiWayEnv(len(worlds), SCENARIOS, EGOS, decision_interval=PERIOD)
     made = [hashlib.blake2b(digest_size=16) for _ in worlds]
-    try:
+    with closing(env):
         env.reset(SEED, np.array(worlds))
         decisions, episodes = np.zeros(len(worlds), int), [0] * len(worlds)
         state = env._runner.world
@@ -39,8 +40,6 @@ def hashes(worlds):
                 ):
                     hashed.update(part[row].tobytes())
                 episodes[row] += bool(now.reset[row])
-    finally:
-        env.close()
     assert min(episodes) >= 1
     return [hashed.hexdigest() for hashed in made]
 

@@ -1,6 +1,7 @@
 """Every sensor stays in bounds in any world, is equal in any batch, and writes only masked agents."""
 
 import sys
+from contextlib import closing
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -147,24 +148,18 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
     assert interface.sensors["odometer"] is True
     assert interface.replace(odometer=Odometer(1000.0)).odometer == Odometer(1000.0)
     assert AgentInterface().odometer is False
-    env = HiWayEnv(["loop"], {"a": interface, "b": AgentInterface()}, seed=1)
-    try:
+    with closing(HiWayEnv(["loop"], {"a": interface, "b": AgentInterface()}, seed=1)) as env:
         env.reset()
         for _ in range(5):
             seen, *_ = env.step({})
         assert seen["a"].odometer == pytest.approx(seen["a"].distance_travelled)
         assert seen["b"].odometer is None
         assert "odometer" in dir(seen["a"])
-    finally:
-        env.close()
-    arrays = VectorHiWayEnv(
-        1, ["loop"], {"a": benchmark_interface(odometer=Odometer(10.0))}, observation="raw"
-    )
-    try:
+    with closing(
+        VectorHiWayEnv(1, ["loop"], {"a": benchmark_interface(odometer=Odometer(10.0))}, observation="raw")
+    ) as arrays:
         assert "odometer/distance" in arrays.spaces.blocks[0].observation
         for now in [arrays.reset(1), *(arrays.step([np.zeros((1, 1), int)]) for _ in range(3))]:
             odometers = now.observations[0]
         driven = odometers["ego_vehicle_state/distance_travelled"]
         np.testing.assert_allclose(odometers["odometer/distance"], driven / 10.0, rtol=1e-6)
-    finally:
-        arrays.close()

@@ -1,5 +1,6 @@
 """Every registered traffic engine fulfils the contract of `TrafficEngine`, alone and beside another one."""
 
+from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -307,7 +308,7 @@ def both_engines(tmp_path_factory):
 def test_options_override_the_scenarios_engine(both_engines, engine_option):
     options = Options(traffic_engine=engine_option)
     parts = assemble([both_engines], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
-    try:
+    with closing(parts.simulation):
         starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
         assert all(start.engine == (engine_option or start.traffic_name) for start in starts.values())
         assert {start.engine for start in starts.values()} == (
@@ -319,8 +320,6 @@ def test_options_override_the_scenarios_engine(both_engines, engine_option):
             assert not frame.failures
         vehicles = frame.world.vehicles
         assert (vehicles.alive & (vehicles.owner == Owner.TRAFFIC)).any(axis=1).all()
-    finally:
-        parts.simulation.close()
 
 
 def test_each_episode_uses_the_engine_that_it_names(built):

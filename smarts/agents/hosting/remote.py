@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -76,9 +77,6 @@ def remote_spec(start: Starter) -> AgentSpec:
     Raises:
         HostError: It does not start, or has no interface.
     """
-    link = start.open()
-    try:
+    with closing(start.open()) as link:
         facts = facts_from(about(link, start.place), start.place)
-    finally:
-        link.close()
     return AgentSpec(facts.interface, RemoteAgent, [start, facts])

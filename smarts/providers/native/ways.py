@@ -142,8 +142,7 @@ def _choose_chain(graph: LaneGraph, row: Row, rows: list[Row], first: int, edge:
 
     row.chosen = max(row.chains, key=worth)
     row.next = target(row.chosen)
-    inside = float(graph.length[[row.lane, *row.chosen[:-1]]].sum())
-    row.length = inside + rows[row.next].length
+    row.length = float(graph.length[[row.lane, *row.chosen[:-1]]].sum()) + rows[row.next].length
 
 
 def _add_inside(graph: LaneGraph, rows: list[Row]) -> None:

@@ -10,7 +10,7 @@ from smarts.sstudio.sstypes.actor import Actor
 from smarts.sstudio.sstypes.actor.social_agent_actor import BoidAgentActor, SocialAgentActor
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import TrafficEngineActor
 from smarts.sstudio.sstypes.bubble_limits import BubbleLimits
-from smarts.sstudio.sstypes.condition import ALWAYS, Condition, ConditionRequires
+from smarts.sstudio.sstypes.condition import ALWAYS, Condition
 from smarts.sstudio.sstypes.drawing import drawing
 from smarts.sstudio.sstypes.identity import Described
 from smarts.sstudio.sstypes.zone import Zone
@@ -57,10 +57,6 @@ class Bubble(Described):
         if self.keep_alive and not self.is_boid:
             problem = f"it is {self.keep_alive}, and the actor {self.actor.name!r} drives one vehicle"
             raise self._error("keep_alive", problem, "leave it out, or use a BoidAgentActor")
-        is_condition = isinstance(self.active_condition, Condition)  # `validate` refuses others by place
-        if is_condition and self.active_condition.requires & ConditionRequires.any_current_actor_state:
-            problem = f"{type(self.active_condition).__name__} is about a vehicle"
-            raise self._error("active_condition", problem, "put it into airlock_condition")
 
     def _check_following(self) -> None:
         agent, vehicle = self.follow_actor_id, self.follow_vehicle_id

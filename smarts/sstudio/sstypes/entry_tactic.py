@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from smarts.sstudio.sstypes.condition import ALWAYS, Condition, ConditionRequires
+from smarts.sstudio.sstypes.condition import ALWAYS, Condition
 from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.sstypes.identity import Described
 from smarts.sstudio.sstypes.zone import MapZone
@@ -33,13 +33,6 @@ class TrapEntryTactic(EntryTactic):
     """The speed of the new vehicle if none came [m/s]."""
     condition: Condition = ALWAYS
     """A further condition."""
-
-    def __post_init__(self) -> None:
-        is_condition = isinstance(self.condition, Condition)  # `validate` refuses others by place
-        if is_condition and self.condition.requires & ConditionRequires.any_current_actor_state:
-            raise ValueError(
-                "the condition of a TrapEntryTactic must not be about a vehicle: none is chosen yet"
-            )
 
 
 @dataclass(frozen=True, eq=False)

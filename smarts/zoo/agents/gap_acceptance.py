@@ -133,8 +133,7 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         crosses = ~_goes_along(others)
         if _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways[crosses], horizons[crosses]) == np.inf:
             return wish, waited
-    number = now["agent_index"]
-    most = _most_speed(others, speed, wish, arrival, ahead, number)
+    most = _most_speed(others, speed, wish, arrival, ahead, now["agent_index"])
     if speed > most:
         return LaneAction.slow_down, waited
     safe = SAFE_STANDING if claims else SAFE
@@ -147,8 +146,7 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
 
     slowed, fastest = _driven(speed, -BRAKING), min(most + SPEEDING_UP * DECISION, _curve_speed(errors))
     going = conflict(_driven(speed, SPEEDING_UP, fastest), _followed(speed))
-    slowing = conflict(slowed, slowed)
-    is_better = going == np.inf or going > slowing
+    is_better = going == np.inf or going > conflict(slowed, slowed)
     return (LaneAction.keep_lane if is_better else LaneAction.slow_down), waited
 
 
@@ -182,8 +180,7 @@ def _most_speed(
         return most
     # After another decision of speeding up it can still stop at the last place.
     gain = SPEEDING_UP * DECISION
-    room = ahead - LAST_PLACE - (speed + gain) * DECISION
-    in_time = np.sqrt(2 * BRAKING * max(0.0, room)) - gain
+    in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE - (speed + gain) * DECISION)) - gain
     is_even = int(np.argmax(number)) % 2 == 0
     return min(most, _speed_to_let_by(others, wish, is_even), in_time)
 

@@ -69,7 +69,7 @@ class UTurn(Driver):
         is_clear = (gap > CLEAR) & (gap > CLEAR_TIME * its_speed)
         begins = may_turn & is_clear & (seen.speed <= pace + TOLERANCE)
         self._plan(begins, seen, obs.observations[TURN_LANE], pace, kept, phase)
-        phase[(phase == TURNING) & _is_round(seen, kept)] = OVER
+        phase[(phase == TURNING) & (np.cos(kept[:, 2, -1] - seen.own[:, Own.HEADING]) > DONE_HEADING)] = OVER
         self._memory.keep(obs, memory)
         speed = self._speed(seen, may_turn & (phase == BEFORE), is_clear, pace)
         paths = lane_paths(obs.observations[LANE_WAYS][:, OWN], speed, agilities(seen.own[:, Own.LENGTH]))
@@ -106,7 +106,3 @@ class UTurn(Driver):
         slowing = np.where(is_clear, pace - seen.speed, -seen.speed)
         found = np.where(waits, np.minimum(found, np.maximum(slowing, -self.model.decel)), found)
         return target_speed(seen.speed, found)
-
-
-def _is_round(seen: Seen, kept: Floats) -> Bools:
-    return np.cos(kept[:, 2, -1] - seen.own[:, Own.HEADING]) > DONE_HEADING

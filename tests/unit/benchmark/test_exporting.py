@@ -4,7 +4,7 @@ import errno
 import json
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import cache
 
 import numpy as np
@@ -12,15 +12,11 @@ import pytest
 import ray
 
 from benchmark import load_policy
-from benchmark.experiment.config import read_experiment
 from benchmark.experiment.models import Resources
-from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.exporting import export_policy
-from benchmark.running.training import algorithm_of, checkpoint_files
 from benchmark.running.zoo_contract import check_entry
 from smarts.agents.hosting.facts import interface_from
 from smarts.agents.policy import ActionBatch
@@ -33,6 +29,7 @@ from smarts_agent_kit.exported import TEAM, ExportError
 from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
 from smarts_agent_kit.weights import weights_files
 from tests.raising import raises
+from tests.unit.benchmark.untrained import write_untrained
 
 TINY = """
 algorithms: [{name}]
@@ -58,14 +55,8 @@ def make(tmp_path_factory):
 
     @cache
     def make(name, settings="{}", environment="{agents: 4}"):
-        root = tmp_path_factory.mktemp(name)
-        (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, environment=environment))
-        run = next(iter(runs_of(read_experiment(root / "tiny.yaml"))))
-        folder = RunFolder(root / "run")
-        folder.open(run.content())
-        with algorithm_of(run) as algo:
-            folder.keep("checkpoint", checkpoint_files(algo, {}))
-        return run, folder
+        tiny = TINY.format(name=name, settings=settings, environment=environment)
+        return write_untrained(tmp_path_factory.mktemp(name), tiny)
 
     yield make
     ray.shutdown()
@@ -74,8 +65,7 @@ def make(tmp_path_factory):
 def recorded(run, folder, decisions):
     """Yield observations, masks, active agents and the checkpoint's greedy actions in a simulation."""
     policy = load_policy(folder.path)
-    env = environment(run.task_setting, num_envs=ENVS)
-    try:
+    with closing(environment(run.task_setting, num_envs=ENVS)) as env:
         now = env.reset(7, np.arange(ENVS), stride=ENVS)
         for _ in range(decisions):
             (actions,) = policy.act(now)
@@ -84,8 +74,6 @@ def recorded(run, folder, decisions):
             leaves = {name or VECTOR: leaf.copy() for name, leaf in observations.items()}
             yield leaves, masks, now.alive.copy(), now.reset.copy(), actions.copy()
             now = env.step([actions])
-    finally:
-        env.close()
 
 
 def own_leaves(observation, leaves, rows, agents=4):

@@ -1,5 +1,6 @@
 """The paper's programmatic interface, in its own loop and in small."""
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,7 +53,7 @@ def test_the_papers_loop():
         disable_env_checker=True,
     )
     metric = SpeedMetric(num_episodes=1)
-    try:
+    with closing(env):
         observations, _ = env.reset(seed=1)
         done = False
         while not done:
@@ -61,8 +62,6 @@ def test_the_papers_loop():
             dones = {name: terminated[name] or truncated[name] for name in terminated}
             metric.log_step(observations, actions, rewards, dones, infos, episode=0)
             done = dones["__all__"]
-    finally:
-        env.close()
     found = metric.compute()
     assert found["ended_time_out"] == 1.0
     assert found["decision_rate"] == pytest.approx(2.0)

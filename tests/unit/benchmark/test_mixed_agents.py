@@ -1,5 +1,7 @@
 """Agents of an experiment that act and drive differently: `environment.agents` as a mapping."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
@@ -60,8 +62,7 @@ def test_a_run_with_them_is_recognised_by_its_content(file):
 
 
 def test_the_environment_has_them_by_name(file):
-    env = environment(next(runs_of(read_experiment(file))).task_setting, num_envs=1)
-    try:
+    with closing(environment(next(runs_of(read_experiment(file))).task_setting, num_envs=1)) as env:
         blocks = {block.agents: block.action for block in env.spaces.blocks}
         assert [*blocks] == [("car", "bus"), ("truck",)]
         assert isinstance(blocks["car", "bus"], Discrete)
@@ -72,8 +73,6 @@ def test_the_environment_has_them_by_name(file):
         car, bus, truck = lengths.tolist()
         assert car < truck < bus
         env.step([np.zeros((1, 2), np.int64), np.zeros((1, 1, 3), np.float32)])
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize(

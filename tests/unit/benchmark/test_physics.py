@@ -31,7 +31,7 @@ def cell(**given):
 def speeds(env, actions, decisions):
     """Return the speed of the only agent's vehicle at each decision [m/s], and its length [m]."""
     found = []
-    try:
+    with closing(env):
         env.reset(3)
         world = env._runner.world
         for _ in range(decisions):
@@ -39,8 +39,6 @@ def speeds(env, actions, decisions):
             found.append(float(world.vehicles.speed[0, slot]))
             length = float(world.vehicles.length[0, slot])
             env.step([actions])
-    finally:
-        env.close()
     return np.array(found), length
 
 
@@ -92,8 +90,7 @@ def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine
     named = played.content().get("own_code", {})
     assert [*named] == ([engine] if is_own else [])
     for scenario in (None, next(held_out_of(played))):
-        env = environment(played, scenarios=scenario and [scenario])
-        try:
+        with closing(environment(played, scenarios=scenario and [scenario])) as env:
             env.reset(3)
             assert [start.engine for start in env.episodes] == [engine or "SUMO"]
             world = env._runner.world
@@ -103,8 +100,6 @@ def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine
             env.step([np.zeros((1, 1), np.int64)])
             is_constant = np.array_equal(world.vehicles.speed[0, social], before)
             assert is_constant == is_own
-        finally:
-            env.close()
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
 
 import shutil
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
@@ -11,9 +12,7 @@ import ray
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark import load_policy
-from benchmark.experiment.config import read_experiment
 from benchmark.experiment.models import Evaluation, Resources
-from benchmark.experiment.runs import runs_of
 from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
@@ -22,13 +21,14 @@ from benchmark.running.environments import environment
 from benchmark.running.evaluating import evaluate_checkpoint
 from benchmark.running.given_steps import fill
 from benchmark.running.testing import ENGINE, EVALUATION_SEED, play_test
-from benchmark.running.training import _play, algorithm_of, checkpoint_files, restore
+from benchmark.running.training import _play, algorithm_of, restore
 from smarts.agents.benchmark import benchmark_interface
 from smarts.config import ConfigError
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.raising import raises
+from tests.unit.benchmark.untrained import write_untrained
 
 NIGHTLY = pytest.mark.nightly
 
@@ -49,14 +49,8 @@ def make(tmp_path_factory):
     start_ray(Resources())
 
     def make(name, settings="{}", agents=2):
-        root = tmp_path_factory.mktemp(name)
-        (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, agents=agents))
-        (run,) = runs_of(read_experiment(root / "tiny.yaml"))
-        folder = RunFolder(root / "run")
-        folder.open(run.content())
-        with algorithm_of(run) as algo:
-            folder.keep("checkpoint", checkpoint_files(algo, {}))
-        return run, folder
+        tiny = TINY.format(name=name, settings=settings, agents=agents)
+        return write_untrained(tmp_path_factory.mktemp(name), tiny)
 
     yield make
     ray.shutdown()
@@ -98,14 +92,11 @@ def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     pd.testing.assert_frame_equal(tested, table_of_training(run, folder, RunFolder(tmp_path / "test")))
     wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
     policy = load_policy(folder.path)
-    env = environment(run.task_setting, num_envs=1, record=tmp_path / "own")
-    try:
+    with closing(environment(run.task_setting, num_envs=1, record=tmp_path / "own")) as env:
         now, over = env.reset(EVALUATION_SEED, np.array([FIRST_TEST_EPISODE]), stride=1), 0
         while over < 2:
             now = env.step(policy.act(now))
             over += int(now.reset.sum())
-    finally:
-        env.close()
     got = decisions(tmp_path / "own")
     assert {FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1} <= wanted.keys() & got.keys()
     for world in (FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1):
@@ -143,15 +134,13 @@ def test_a_test_on_another_traffic_engine_says_so(make):
 def by_dicts(env, policy, steps=12):
     """Return the actions of an environment whose observations are dicts, while all its agents are there."""
     policy.reset()
-    try:
+    with closing(env):
         observations, infos = env.reset(seed=7)
         found = []
         for _ in range(steps):
             actions = policy.act(observations, infos)
             found.append(actions)
             observations, *_, infos = env.step(actions)
-    finally:
-        env.close()
     return found
 
 
@@ -162,14 +151,12 @@ def test_every_environment_gets_the_same_actions(make):
     policy = load_policy(folder.checkpoint)
     vector = VectorHiWayEnv(1, ["loop"], 2, traffic=["no_social_vehicles"])
     wanted = []
-    try:
+    with closing(vector):
         now = vector.reset(7)
         for _ in range(12):
             (actions,) = policy.act(now)
             wanted.append(dict(zip(policy.agents, actions[0].tolist(), strict=True)))
             now = vector.step([actions])
-    finally:
-        vector.close()
     assert len({tuple(each.values()) for each in wanted}) > 1, (
         "a policy that always does the same shows little"
     )

@@ -1,5 +1,7 @@
 """Agents of the zoo, and learning in bubbles, in experiment files."""
 
+from contextlib import closing
+
 import pytest
 
 from benchmark.experiment.config import read_experiment
@@ -37,15 +39,12 @@ def test_social_agents_and_hosts_reach_the_environment(read):
     experiment = read(BASE + SOCIAL.replace("smarts.zoo:idm-v0", "idm-v0") + hosts)
     check_task_settings(experiment)
     (setting,) = task_settings_of(experiment)
-    env = environment(setting, num_envs=1)
-    try:
+    with closing(environment(setting, num_envs=1)) as env:
         (policy,) = env._runner._requests._policies
         assert policy.start is not None
         assert policy.host.delay_steps == 3
         assert env.reset(1).alive.shape == (1, 1), "they are no learners"
         assert len(env.episodes[0].agents) == 3
-    finally:
-        env.close()
 
 
 def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
@@ -86,13 +85,10 @@ def test_agents_that_learn_in_bubbles_reach_the_environment(read):
     experiment = read(BUBBLE)
     check_task_settings(experiment)
     (setting,) = task_settings_of(experiment)
-    env = environment(setting, num_envs=1)
-    try:
+    with closing(environment(setting, num_envs=1)) as env:
         env.reset(1)
         assert env.episodes[0].agents == ()
         assert env.episodes[0].bubbles[0].policy == -1
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize(

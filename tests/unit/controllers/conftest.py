@@ -4,14 +4,6 @@ from tests.unit.controllers.rig import Rig
 
 
 @pytest.fixture
-def rig():
+def rig(closing):
     """Return a factory of rigs, all closed after the test."""
-    made = []
-
-    def make(*rows, **options):
-        made.append(Rig(*rows, **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
+    return lambda *rows, **options: closing(Rig(*rows, **options))

@@ -64,13 +64,9 @@ class Rig:
 
 
 @pytest.fixture
-def rig():
-    rigs = []
-
+def rig(closing):
     def make(*args, **options):
-        rigs.append(Rig(*args, **options))
-        return rigs[-1]
+        made = Rig(*args, **options)
+        return closing(made, made.fleet)
 
-    yield make
-    for made in rigs:
-        made.fleet.close()
+    return make

@@ -37,16 +37,8 @@ class Twice:
 
 
 @pytest.fixture
-def twice():
-    made = []
-
-    def make(*vehicles):
-        made.append(Twice(*vehicles))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
+def twice(closing):
+    return lambda *vehicles: closing(Twice(*vehicles))
 
 
 def tilted(car, x, y, roll, drift):

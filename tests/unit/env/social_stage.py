@@ -1,6 +1,7 @@
 """Simulations whose social agents act by functions of a test's."""
 
 import dataclasses
+from contextlib import closing
 from functools import cache
 
 from smarts.agents import (
@@ -123,7 +124,5 @@ def trap(patience=50.0, agent_id=SOCIAL):
 def start_of(ego):
     """Return where another ego of the scenario would begin, far from the first."""
     schedule = assemble([build_scenario("intersection")], [LANER] * 3)
-    try:
+    with closing(schedule.simulation):
         return schedule.schedule.start(0, 0).agents[ego].pose
-    finally:
-        schedule.simulation.close()

@@ -47,5 +47,5 @@ def test_actions_are_carried_out_so_many_steps_later(tmp_path, interval, latency
 
 @pytest.mark.parametrize("latency", [0.05, -0.1])
 def test_a_latency_that_is_none_is_refused(latency):
-    with raises(SmartsError, "Options.action_latency", values=[f"{latency}"]):
+    with raises(SmartsError, values=[f"action_latency is {latency}"]):
         Options(action_latency=latency)

@@ -1,6 +1,7 @@
 """Social agents of scenarios and environments: who is cast, where they start, what is refused."""
 
 import shutil
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -99,8 +100,7 @@ def test_groups_enter_at_once_or_take_turns(scenario):
 
 
 def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
-    env = VectorHiWayEnv(2, [scenario], agents=1)
-    try:
+    with closing(VectorHiWayEnv(2, [scenario], agents=1)) as env:
         env.reset(3)
         for _ in range(10):
             step = env.step([np.zeros((2, 1), int)])
@@ -108,16 +108,11 @@ def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
         agents = env._runner.world.agents
         assert ((agents.state[:, 1:] == AgentStatus.ACTIVE).sum(axis=1) >= 2).all()
         assert agents.distance_travelled[:, 1:].max() > 10
-    finally:
-        env.close()
-    env = HiWayEnv([scenario], {"me": benchmark_interface()})
-    try:
+    with closing(HiWayEnv([scenario], {"me": benchmark_interface()})) as env:
         observations, _ = env.reset(seed=1)
         assert [*observations] == ["me"]
         infos = env.step({"me": "keep_lane"})[4]
         assert "social_failures" not in infos["me"]
-    finally:
-        env.close()
 
 
 def test_a_social_agent_whose_start_is_occupied_is_named_until_it_enters(scenario, closing):

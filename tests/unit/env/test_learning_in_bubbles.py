@@ -1,5 +1,6 @@
 """Agents that learn in bubbles: columns are a pool, leaving truncates, time ends episodes."""
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,7 @@ def copied(step):
 @pytest.fixture(scope="module")
 def played():
     """Play two simulations of two agents; return what each decision led to."""
-    env = vector(2, 2)
-    try:
+    with closing(vector(2, 2)) as env:
         step, moments = env.reset(5), []
         agents, pool = env._runner.world.agents, env._runner._pool
         for _ in range(250):
@@ -57,8 +57,6 @@ def played():
                 }
             )
         return moments
-    finally:
-        env.close()
 
 
 def test_leaving_the_bubble_truncates_with_the_last_observation_in_place(played):
@@ -135,11 +133,8 @@ def test_agents_drive_the_vehicles_in_the_zone_and_traffic_all_others(played):
 
 
 def test_the_contract_of_vector_environments():
-    env = vector(2)
-    try:
+    with closing(vector(2)) as env:
         check_vector_env(env, steps=120, seed=3)
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """RLlib bootstraps the last observation of truncated agents only."""
 
+from contextlib import closing
+
 import pytest
 from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
 
@@ -10,8 +12,7 @@ from smarts.env import RLlibHiWayEnv
 def played(limits, drive=0):
     """Return RLlib's episode of agents with these time limits [steps], and the env's last dicts."""
     agents = {name: benchmark_interface(max_episode_steps=steps) for name, steps in limits.items()}
-    env = RLlibHiWayEnv({"scenarios": ["intersection"], "agents": agents, "seed": 1})
-    try:
+    with closing(RLlibHiWayEnv({"scenarios": ["intersection"], "agents": agents, "seed": 1})) as env:
         observations, infos = env.reset()
         episode = MultiAgentEpisode()
         episode.add_env_reset(observations=observations, infos=infos)
@@ -21,8 +22,6 @@ def played(limits, drive=0):
             observations, rewards, ends, cuts, infos = env.step(actions)
             episode.add_env_step(observations, actions, rewards, infos, terminateds=ends, truncateds=cuts)
         return episode, ends, cuts, infos
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize("limits", [{"a": 10, "b": 20}, {"a": 10, "b": 10}])

@@ -11,16 +11,8 @@ KEEP, SLOW, LEFT, RIGHT = LaneAction
 
 
 @pytest.fixture
-def new_env():
-    made = []
-
-    def make(*args, **options):
-        made.append(VectorHiWayEnv(*args, **options))
-        return made[-1]
-
-    yield make
-    for env in made:
-        env.close()
+def new_env(closing):
+    return lambda *args, **options: closing(VectorHiWayEnv(*args, **options))
 
 
 SCENARIOS = ["intersection", "double_merge"]

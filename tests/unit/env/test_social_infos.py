@@ -1,5 +1,7 @@
 """What infos and records say of bubbles that look for names that never appear, in every environment."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -40,8 +42,7 @@ def missing(info):
 
 
 def arrays(folder):
-    env = VectorHiWayEnv(2, [folder], ME)
-    try:
+    with closing(VectorHiWayEnv(2, [folder], ME)) as env:
         step = env.reset(1)
         yield from step.social_infos.values()
         was_reset = False
@@ -50,8 +51,6 @@ def arrays(folder):
             was_reset = step.reset.all()
             assert [*step.social_infos] == [0, 1]
             yield from step.social_infos.values()
-    finally:
-        env.close()
 
 
 def test_infos_count_what_never_appeared(folder):

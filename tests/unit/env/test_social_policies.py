@@ -1,6 +1,7 @@
 """Social policies: one call for all vehicles, what fails, what they remember."""
 
 import dataclasses
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def run(policies, change=beside_both, *, worlds=1, steps=20, episodes=(0,), inte
     )
     runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
     failures = []
-    try:
+    with closing(runner):
         for episode in episodes:
             runner.reset({row: EpisodeKey(row, episode, 42) for row in range(worlds)})
             runner.dispatch()
@@ -69,8 +70,6 @@ def run(policies, change=beside_both, *, worlds=1, steps=20, episodes=(0,), inte
                 failures.append(runner.take_social_failures())
                 runner.dispatch()
         return parts, failures
-    finally:
-        runner.close()
 
 
 def run_batches(agent, worlds, **options):

@@ -207,17 +207,14 @@ def country(tmp_path_factory):
 
 
 @pytest.fixture
-def new_world(country):
+def new_world(country, closing):
     """Return a factory of worlds, each with its own copy of libsumo; all are closed after the test."""
-    worlds = []
 
     def make(capacity: int = 64, step: float | None = None) -> World:
-        worlds.append(World(country, capacity, step))
-        return worlds[-1]
+        made = World(country, capacity, step)
+        return closing(made, made.traffic)
 
-    yield make
-    for world in worlds:
-        world.traffic.close()
+    return make
 
 
 @pytest.fixture
@@ -234,13 +231,9 @@ def front_of(states: VehicleStates, rows) -> np.ndarray:
 
 
 @pytest.fixture
-def stage():
-    made = []
-
+def stage(closing):
     def make(*rows, **options):
-        made.append(VehicleStage(*rows, **options))
-        return made[-1]
+        made = VehicleStage(*rows, **options)
+        return closing(made, made.vehicles)
 
-    yield make
-    for one in made:
-        one.vehicles.close()
+    return make

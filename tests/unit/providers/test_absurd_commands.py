@@ -1,5 +1,7 @@
 """Extreme but finite commands: the state of every vehicle stays finite."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -59,7 +61,7 @@ def test_every_state_stays_finite(model, case):
     vehicles, commands = FleetVehicles(world, model), Commands.allocate(1, len(cars))
     draws = np.random.Generator(np.random.Philox(key=5))
     commands.mode[...] = mode
-    try:
+    with closing(vehicles):
         vehicles.reset(rows)
         for step in range(STEPS):
             write(commands, step, draws)
@@ -69,5 +71,3 @@ def test_every_state_stays_finite(model, case):
             for name, column in world.vehicles._asdict().items():
                 assert np.isfinite(column[0, : len(cars)]).all(), f"{name} in step {step}"
             assert np.abs(world.vehicles.speed[0, : len(cars)]).max() < FASTEST, f"step {step}"
-    finally:
-        vehicles.close()

@@ -248,6 +248,16 @@ def test_vehicles_stop_as_in_sumo(drivers):
         assert position == pytest.approx(its_position, abs=0.5)
 
 
+def with_own_file(folder, routes, more=""):
+    """Return a built scenario whose traffic is that of a file of routes."""
+    write_cross(folder)
+    (folder / "own.rou.xml").write_text(routes)
+    own = f't.Traffic(flows=[], route_files=["own.rou.xml"], {more})'
+    traffic = f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]'
+    (folder / "scenario.py").write_text(scenario(traffic))
+    return build_scenario(folder)
+
+
 OWN_FILE = """<routes>
     <trip id="long" depart="0" from="from_west" to="to_east" departLane="best"/>
     {}
@@ -259,13 +269,7 @@ OWN_FILE = """<routes>
     "more", ["", '<routeDistribution id="some"><route edges="from_west to_east"/></routeDistribution>']
 )
 def test_own_files_are_driven_and_what_is_left_out_is_named(tmp_path, caplog, more):
-    folder = write_cross(tmp_path / "own")
-    (folder / "own.rou.xml").write_text(OWN_FILE.format(more))
-    own = 't.Traffic(flows=[], route_files=["own.rou.xml"], engine="Native")'
-    (folder / "scenario.py").write_text(
-        scenario(f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]')
-    )
-    built = build_scenario(folder)
+    built = with_own_file(tmp_path / "own", OWN_FILE.format(more), 'engine="Native"')
     assert ("Native does not drive routeDistribution" in caplog.text) == bool(more)
     if more:
         with pytest.raises(TrafficError, match="does not drive routeDistribution"):
@@ -309,13 +313,7 @@ OWN_FILES = {
 
 @pytest.mark.parametrize("content", OWN_FILES.values(), ids=OWN_FILES)
 def test_own_files_are_read_as_by_sumo(tmp_path, content):
-    folder = write_cross(tmp_path / "own")
-    (folder / "own.rou.xml").write_text(f"<routes>{content}</routes>")
-    own = 't.Traffic(flows=[], route_files=["own.rou.xml"])'
-    (folder / "scenario.py").write_text(
-        scenario(f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]')
-    )
-    built = build_scenario(folder)
+    built = with_own_file(tmp_path / "own", f"<routes>{content}</routes>")
     sumo, native = (driven(built, "own", engine, 9.0) for engine in ("SUMO", "Native"))
     assert len(native[-1][1]) == len(sumo[-1][1])
     assert len(sumo[-1][1]) == content.count("<trip") or len(sumo[-1][1]) == 3

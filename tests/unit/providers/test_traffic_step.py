@@ -127,7 +127,7 @@ def refused(place, call, *args, **more):
 
 def test_what_a_longer_step_does_not_go_with(new_world, tmp_path):
     for step in (0.25, 1.1, 0.0):
-        refused("Options.traffic_step", Options, traffic_step=step)
+        refused("Options", Options, traffic_step=step)
     refused("Options.traffic_step", Options, traffic_step=0.5, record=tmp_path)
     refused("traffic_step", traffic_of, ["Native"], new_world().state, [], step=0.5)
     made = partial(VectorHiWayEnv, simulation=Options(traffic_step=0.5))

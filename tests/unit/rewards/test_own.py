@@ -1,5 +1,7 @@
 """Rewards of one's own: what they are called with, and what their values become."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -14,15 +16,12 @@ HERE = __file__
 
 def play(reward, decisions=60, agents=2, scenario="loop"):
     """Drive two simulations of lane-keeping agents; yield which agents acted, and the step's result."""
-    env = VectorHiWayEnv(2, [scenario], agents, reward=reward, seed=5)
-    try:
+    with closing(VectorHiWayEnv(2, [scenario], agents, reward=reward, seed=5)) as env:
         alive = env.reset(5).alive.copy()
         for _ in range(decisions):
             step = env.step([np.zeros((2, agents), np.int64)])
             yield alive, step._replace(rewards=step.rewards.copy())  # which the next step writes over
             alive = step.alive.copy()
-    finally:
-        env.close()
 
 
 def one(step: RewardStep):

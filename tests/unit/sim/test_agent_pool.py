@@ -1,6 +1,7 @@
 """The pool: agents come and go, leave nothing behind, and change nothing while they are not there."""
 
 import dataclasses
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -41,16 +42,12 @@ def assembled(egos=(LANER,), pool=(), *, traffic=None, **more):
 
 
 @pytest.fixture
-def make():
-    made = []
-
+def make(closing):
     def one(*arguments, **more):
-        made.append(assembled(*arguments, **more))
-        return made[-1]
+        parts = assembled(*arguments, **more)
+        return closing(parts, parts.simulation)
 
-    yield one
-    for parts in made:
-        parts.simulation.close()
+    return one
 
 
 def first_start(parts, *, traffic, world=0):
@@ -199,10 +196,8 @@ def test_agents_with_vehicles_of_their_own_leave_the_limit_of_traffic_as_it_is(m
 def second_pose(number=1):
     """Return where the second ego of the scenario begins, or another, far from the first."""
     parts = assembled([LANER] * 3)
-    try:
+    with closing(parts.simulation):
         return first_start(parts, traffic=False).agents[number].pose
-    finally:
-        parts.simulation.close()
 
 
 # What is left behind.

@@ -2,6 +2,7 @@
 
 import json
 import socket
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -79,8 +80,7 @@ def test_an_episode_whose_traffic_fails_is_said_to_be_invalid(server, monkeypatc
         raise TrafficError("SUMO is gone")
 
     monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
-    env = VectorHiWayEnv(1, ["intersection"], 4, traffic=["random_social_vehicles"])
-    try:
+    with closing(VectorHiWayEnv(1, ["intersection"], 4, traffic=["random_social_vehicles"])) as env:
         env.reset(1)
         for message in messages(server):
             if message["type"] == "steps":
@@ -88,8 +88,6 @@ def test_an_episode_whose_traffic_fails_is_said_to_be_invalid(server, monkeypatc
             env.step([KEEP[0][:1]])
             if message["type"] == "end":
                 break
-    finally:
-        env.close()
     assert (bool(message["is_complete"]), message["remark"]) == (False, "invalid: SUMO is gone")
 
 

@@ -4,6 +4,8 @@ An agent that keeps its lane minds the vehicle ahead, but nobody's right of way.
 line of a junction on therefore is its own doing, and not counted.
 """
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def entries(name, seeds):
     parts = assemble([built], [interface] * egos)
     simulation, world, roads = parts.simulation, parts.simulation.world, built.roads()
     rows, nobody = np.ones(1, np.bool_), np.zeros((1, egos), np.bool_)
-    try:
+    with closing(simulation):
         for seed in range(seeds):
             starts = (parts.schedule.start(0, episode, seed) for episode in range(50))
             start = next(start for start in starts if start.traffic.warm_up)
@@ -50,8 +52,6 @@ def entries(name, seeds):
                 if frame.events.finished[0]:
                     break
             yield seed, void, hit
-    finally:
-        simulation.close()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_a_scenario_plays_its_recording(split):
     built = build_scenario(split)
     interface = AgentInterface(action=ActionSpaceType.Lane)
     parts = assemble([built], [interface], worlds=3, options=Options())
-    try:
+    with closing(parts.simulation):
         starts = {row: parts.schedule.start(row, 0) for row in range(3)}
         assert {start.engine for start in starts.values()} == {"Recorded"}
         begins = [start.traffic.recording.begin for start in starts.values()]
@@ -72,8 +73,6 @@ def test_a_scenario_plays_its_recording(split):
             expected = -100.0 + 10.0 * (begin + 2.0 - 3.0 * newest)
             assert vehicles.position[row, slot] == pytest.approx((expected, -4.8))
             assert vehicles.lane[row, slot] == built.roads().lane_number("from_west", 0)
-    finally:
-        parts.simulation.close()
 
 
 @pytest.mark.parametrize(
@@ -87,15 +86,13 @@ def test_an_agent_begins_in_a_recorded_vehicle(tmp_path, tactic, taken):
     mission = f't.EndlessMission(("from_west", 0, 10), entry_tactic={tactic})'
     write(tmp_path / "one", f'traffic={{"a": {recorded(begin=6.0)}}}, ego_missions=[{mission}]')
     parts = assemble([build_scenario(tmp_path / "one")], [AgentInterface(action=ActionSpaceType.Lane)])
-    try:
+    with closing(parts.simulation):
         parts.simulation.reset({0: parts.schedule.start(0, 0)})
         for _ in range(60):
             world = parts.simulation.step(parts.actions, np.ones(1, bool), np.ones((1, 1), bool)).world
         (slot,) = np.flatnonzero(world.vehicles.owner[0] == Owner.AGENT)
         assert world.registry.name(0, slot) == taken
         assert world.agents.slot[0, 0] == slot
-    finally:
-        parts.simulation.close()
 
 
 @pytest.fixture(scope="module")

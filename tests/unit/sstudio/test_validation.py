@@ -109,6 +109,7 @@ WRONG = [
     (bubble(limit=2), "bubbles[0].limit", "use a BubbleLimits"),
     (bubble(limit=t.BubbleLimits(0, 2)), "bubbles[0].limit.hijack_limit", "0 is"),
     (bubble(active_condition=True), "bubbles[0].active_condition", "use a Condition"),
+    (bubble(active_condition=t.VehicleSpeedCondition(0, 1)), "bubbles[0].active_condition", "actor_state"),
     (
         bubble(by=t.TrafficEngineActor("x", traffic_provider="SMARTS")),
         "bubbles[0].actor.traffic_provider",

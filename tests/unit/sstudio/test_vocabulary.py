@@ -181,12 +181,6 @@ class TestBubbles:
                 "one of the two",
             ),
             ({"keep_alive": True}, "keep_alive", "'agent'", "BoidAgentActor"),
-            (
-                {"active_condition": t.VehicleSpeedCondition(0, 1)},
-                "active_condition",
-                "VehicleSpeedCondition",
-                "airlock_condition",
-            ),
         ],
     )
     def test_contradictions_name_bubble_value_and_remedy(self, arguments, field, value, remedy):
