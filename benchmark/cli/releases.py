@@ -61,9 +61,6 @@ def verify(
     ],
     out: Annotated[Path, typer.Option(help="Folder of its results, for `leaderboard`.", show_default=False)],
     episodes: Annotated[int, typer.Option(help="Test episodes of each policy.", min=1)] = 200,
-    held_out_episodes: Annotated[
-        int, typer.Option(help="Test episodes on each held-out variation.", min=0)
-    ] = 0,
     fresh: Annotated[
         int | None,
         typer.Option(
@@ -112,12 +109,11 @@ def verify(
     manifest, folder = submitted(
         submission, number=version, scenarios=scenario or (), traffic=traffic or (), addresses=address or ()
     )
-    test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
 
     def work() -> int:
         for each in manifest.missing:
             typer.echo(f"missing: {each}")
-        verdicts = evaluate(manifest, folder, out, **test, parallel=parallel)
+        verdicts = evaluate(manifest, folder, out, episodes=episodes, fresh=fresh, parallel=parallel)
         for verdict in verdicts:
             scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
             equal, compared = verdict.digests

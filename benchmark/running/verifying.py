@@ -85,7 +85,6 @@ def verify(
     out: Path,
     *,
     episodes: int = 200,
-    held_out_episodes: int = 0,
     fresh: int | None = None,
     parallel: int | None = 1,
 ) -> list[Verdict]:
@@ -100,7 +99,6 @@ def verify(
         folder: Folder that holds its policies.
         out: Folder of the results; new, or of an earlier evaluation of the same submission.
         episodes: Test episodes of each policy.
-        held_out_episodes: Number of episodes of each policy on each held-out variation.
         fresh: Further episodes, of a seed that is drawn for the submission; by default as many as `episodes`.
         parallel: Exported policies at a time, see `side_by_side`; an address is asked by one at a time.
 
@@ -109,7 +107,7 @@ def verify(
         SmartsError: The evaluation fails for a reason that is not the policy's.
     """
     check_manifest(manifest, folder)
-    test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
+    test = Evaluation(episodes=episodes, modes=("greedy",))
     with locked(out):
         seed = _open(manifest, out)
         evaluated = _Evaluated(manifest, folder, out, test, episodes if fresh is None else fresh, seed)

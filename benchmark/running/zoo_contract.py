@@ -39,7 +39,6 @@ def check_entry(
     *,
     scenario: str = "loop",
     steps: int = STEPS,
-    seed: int = 42,
 ) -> Iterator[str]:
     """Yield what an agent has been found to keep, one line a check.
 
@@ -48,7 +47,6 @@ def check_entry(
         options: Its options.
         scenario: Name or folder of the scenario that it drives in.
         steps: Simulation steps, at most; it ends earlier if its vehicles have.
-        seed: Seed of the run.
 
     Raises:
         SmartsError: A check has failed; names what the agent did, and what it has to do.
@@ -64,7 +62,7 @@ def check_entry(
         yield f"acts on observations in {scenario!r} for {driven} steps"
         return
     check_period(agent.period, locator)
-    with ZooDrive(spec, agent, scenario, seed=seed) as drive:
+    with ZooDrive(spec, agent, scenario) as drive:
         drive.reset()
         asked = (drive.step() for _ in range(0, steps, agent.period))
         requests = [request for request in asked if request is not None]

@@ -56,16 +56,14 @@ class RoadAtlas:
         self._paces: dict[bytes, Floats] = {}
         self._find_twins()
 
-    def route_table(
-        self, routes: Iterable[tuple[int, Sequence[str]]], kinds: frozenset[LaneKind] = ROAD_LANES
-    ) -> RouteTable:
+    def route_table(self, routes: Iterable[tuple[int, Sequence[str]]]) -> RouteTable:
         """Return a table of routes, each a map number and the ids of its road edges; route i is the i-th.
 
         Raises:
-            MapError: A route has an unknown edge, one without lanes of these kinds, or a gap.
+            MapError: A route has an unknown edge, one without lanes for road users, or a gap.
         """
-        free = [(world, free_corridor(graph, kinds)) for world, graph in enumerate(self.graphs)]
-        own = [(world, route_corridor(self.graphs[world], tuple(route), kinds)) for world, route in routes]
+        free = [(world, free_corridor(graph, ROAD_LANES)) for world, graph in enumerate(self.graphs)]
+        own = [(m, route_corridor(self.graphs[m], tuple(route), ROAD_LANES)) for m, route in routes]
         return pack_routes(free, own, self.roads.lane_base)
 
     def locate(self, maps: Ints, position: Floats, heading: Floats, *, height: Floats) -> NearestLanes:

@@ -111,7 +111,6 @@ def random_route(
     generator: np.random.Generator,
     *,
     max_edges: int = 10,
-    kinds: frozenset[LaneKind] = CARS,
     users: str = "the route's vehicles",
 ) -> tuple[str, ...]:
     """Return a random walk over at most `max_edges` road edges, shorter where the road ends.
@@ -122,7 +121,7 @@ def random_route(
     Raises:
         MapError: No edge is open to the lanes' users.
     """
-    edges = edge_graph(graph, kinds, "length")
+    edges = edge_graph(graph, CARS, "length")
     usable = np.flatnonzero(np.isfinite(edges.cost) & ~graph.edge_is_internal).tolist()
     if not usable:
         raise MapError(
