@@ -52,3 +52,41 @@ def import_data(
     )
     for line in [*lines, f"wrote {out}"]:
         typer.echo(line)
+
+
+def demonstrations(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="Scenario, or SCENARIO@VARIATION.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="Parquet file to write.", show_default=False)],
+    observation: Annotated[
+        str, typer.Option(help="What agents observe, as `environment: {observation: ...}` has it.")
+    ] = "[car_following]",
+    action: Annotated[
+        str, typer.Option(help="How they act: Direct, AlongPath, LaneWithContinuousSpeed or Lane.")
+    ] = "Direct",
+    decision_interval: Annotated[int, typer.Option(help="Steps of 0.1 s between decisions.", min=1)] = 5,
+    traffic: Annotated[str | None, typer.Option(help="Traffic variation.", show_default="the last")] = None,
+    episodes: Annotated[int, typer.Option(help="Number of episodes of the traffic.", min=1)] = 1,
+    seconds: Annotated[
+        float | None, typer.Option(help="Length of each (s).", show_default="to a recording's end, else 60")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the run.")] = 42,
+) -> None:
+    """Write what a traffic's vehicles observe, and the actions that explain their motion, for imitation."""
+    import yaml
+
+    from smarts.env.demonstrations import demonstrate
+
+    lines = demonstrate(
+        scenario,
+        out,
+        traffic=traffic,
+        observation=yaml.safe_load(observation),
+        action=action,
+        decision_interval=decision_interval,
+        episodes=episodes,
+        seconds=seconds,
+        seed=seed,
+    )
+    typer.echo("\n".join([*lines, f"wrote {out}"]))

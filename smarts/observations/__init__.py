@@ -34,6 +34,7 @@ FEATURES = Registry(
             "arrival_order": "own_state:ArrivalOrder",
             "junction_ahead": "junction_ahead:JunctionAhead",
             "crossing_traffic": "crossing_traffic:CrossingTraffic",
+            "car_following": "car_following:CarFollowing",
             "image": "image:Image",
             "action_mask": "action_mask:ActionMask",
             "sensors": "sensors:SensorReadings",

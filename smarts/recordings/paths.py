@@ -53,6 +53,12 @@ class Paths(NamedTuple):
     point_pace: Floats
     """How fast a vehicle drives there on a free road [m/s]."""
 
+    def points(self, path: int) -> Floats:
+        """Return the points x, y, heading, arc length of a path, shape (n, 4)."""
+        rows = slice(self.point[path], self.point[path + 1])
+        columns = self.point_x, self.point_y, self.point_turn, self.point_s
+        return np.column_stack([column[rows] for column in columns])
+
     @classmethod
     def empty(cls) -> Paths:
         """Return no paths."""

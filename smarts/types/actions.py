@@ -49,6 +49,8 @@ class ActionSpaceType(enum.IntEnum):
     """Nothing."""
     RelativeTargetPose = 11, "smarts.controllers.target_pose:RelativeTargetPose"
     """Changes of x, y [m] and heading [rad], to be reached in one step."""
+    AlongPath = 12, "smarts.controllers.along_path:AlongPath"
+    """Acceleration [m/s^2] along the path that the vehicle was recorded on (not in the original)."""
 
 
 class LaneAction(enum.IntEnum):

@@ -1,0 +1,205 @@
+"""Demonstrations: what the vehicles of a traffic would have observed as agents, and how they acted.
+
+A file of single-agent episodes with RLlib's columns, a row for each decision (`ray.rllib.core.columns`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from smarts.arrays import Floats, Ints
+from smarts.controllers import action_space
+from smarts.controllers.inverse import Inverse, Motion, inverse_of
+from smarts.env.traffic_agents import Decision, TrafficAgents
+from smarts.errors import ScenarioError
+from smarts.observations.action_mask import MASK
+from smarts.observations.lists import Observed
+from smarts.recordings.log import Log
+from smarts.recordings.tracks import read_tracks
+from smarts.sstudio.build import build_scenario
+from smarts.sstudio.built import BuiltScenario
+from smarts.types.actions import ActionSpaceType
+from smarts.whole_files import written_whole
+
+ABOUT = "smarts_demonstrations"
+"""Key of the file's metadata: JSON of what was acted, how, and where the data come from."""
+
+
+class _Seen(NamedTuple):
+    """A decision, and the vehicles at that time, shape (N, ...)."""
+
+    decision: Decision
+    names: NDArray
+    position: Floats
+    heading: Floats
+    speed: Floats
+    lane: Ints
+
+    def at(self, places: NDArray) -> _Seen:
+        """Return some of the vehicles."""
+        hold, agent_id, slot, observations, action_mask = self.decision
+        seen = {name: array[places] for name, array in observations.items()}
+        decision = Decision(hold[places], agent_id[places], slot[places], seen, action_mask[places])
+        return _Seen(decision, *(column[places] for column in self[1:]))
+
+
+def demonstrate(
+    scenario: str | Path,
+    out: Path,
+    *,
+    traffic: str | None = None,
+    observation: Observed = ("car_following",),
+    action: str = "Direct",
+    decision_interval: int = 5,
+    episodes: int = 1,
+    seconds: float | None = None,
+    seed: int = 42,
+) -> list[str]:
+    """Write what a traffic's vehicles would have observed, and the actions that explain their motion.
+
+    Args:
+        scenario: Folder, or name of the suite.
+        out: The Parquet file.
+        traffic: Variation of its traffic, by default the last.
+        observation: What they observe.
+        action: Name of an `ActionSpaceType` whose controller has an inverse.
+        decision_interval: Steps from one decision to the next.
+        episodes: How many episodes of the traffic.
+        seconds: Length of each [s], by default to a recording's end, else 60 s.
+        seed: Seed of the run.
+
+    Returns:
+        The report, by line.
+
+    Raises:
+        SmartsError: The scenario, its traffic, the observation or the action does not fit.
+    """
+    explain = inverse_of(action)
+    built, kind = build_scenario(scenario), ActionSpaceType[action]
+    traffic = next(reversed(built.traffic), None) if traffic is None else traffic
+    if traffic is None:
+        raise ScenarioError("has no traffic", place=built.name, remedy="give a scenario with traffic")
+    agents = TrafficAgents(built, traffic, observation, kind, decision_interval=decision_interval, seed=seed)
+    try:
+        runs = (_transitions(agents, explain, seconds, episode) for episode in range(episodes))
+        parts = [part for run in runs for part in run]
+    finally:
+        agents.close()
+    if not parts:
+        problem = "no vehicle was there for two decisions"
+        raise ScenarioError(problem, place=f"{built.name}, {traffic}", remedy="give more seconds")
+    columns = _in_order({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+    residual = columns.pop("residual")
+    facts = _facts(built, traffic)
+    about = {
+        "scenario": built.name,
+        "traffic": traffic,
+        "action": action,
+        "action_space": str(action_space(kind)),
+        "decision_interval": decision_interval,
+        "median_residual": float(np.median(residual)),
+        **facts,
+    }
+    with written_whole(out) as partial:
+        pq.write_table(_table(columns, about), partial)
+    return [
+        f"{built.name}, {traffic}: {len(residual)} decisions of {len(set(columns['eps_id']))} vehicles",
+        f"actions {action}, which end {np.median(residual):.2f} m from where the vehicles were (median; "
+        f"95%: within {np.quantile(residual, 0.95):.2f} m, at most {residual.max():.2f} m)",
+        f"licence: {facts['licence'] or 'none named'}",
+    ]
+
+
+def _transitions(
+    agents: TrafficAgents, explain: Inverse, seconds: float | None, episode: int
+) -> Iterator[dict[str, NDArray]]:
+    """Yield the columns of the decisions in an episode, those of each time together."""
+    start, time = agents.reset(episode), agents.interval * agents.world.dt
+    seconds = 60.0 if seconds is None and start.traffic.recording is None else seconds
+    if start.traffic.recording is not None:  # behind its end vehicles drive by a model
+        left = float(Log.load(start.traffic.recording.log).paths.end.max()) - start.traffic.recording.begin
+        seconds = left if seconds is None else min(seconds, left)
+    last = _see(agents)
+    for number in range(int(seconds / time + 1e-6)):
+        agents.step()
+        now = _see(agents)
+        _, before, after = np.intersect1d(last.decision.hold, now.decision.hold, return_indices=True)
+        if len(before):
+            yield _columns(agents, explain, last.at(before), now.at(after), episode, number)
+        last = now
+
+
+def _see(agents: TrafficAgents) -> _Seen:
+    decision, vehicles = agents.decide(), agents.vehicles
+    names = np.array([agents.name(slot) for slot in decision.slot.tolist()], object)
+    motion = (vehicles.position, vehicles.heading, vehicles.speed, vehicles.lane)
+    return _Seen(decision, names, *(column[decision.slot] for column in motion))
+
+
+def _columns(
+    agents: TrafficAgents, explain: Inverse, last: _Seen, now: _Seen, episode: int, number: int
+) -> dict[str, NDArray]:
+    """Return the columns of N vehicles between two decisions."""
+    roads, lane, count = agents.roads, np.maximum(last.lane, 0), len(last.names)
+    side = (now.lane == roads.left[lane]) * 1 - (now.lane == roads.right[lane])
+    is_known = (last.lane >= 0) & (now.lane >= 0)
+    motion = Motion(
+        *(np.stack(each) for each in zip(last[2:5], now[2:5], strict=True)),
+        side=np.where(is_known, side, 0),
+        limit=roads.speed_limit[lane],
+        action_mask=last.decision.action_mask,
+        time=agents.interval * agents.world.dt,
+    )
+    actions, residual = explain(motion)
+    found = {
+        "eps_id": np.array([f"{episode}/{hold}" for hold in last.decision.hold.tolist()], object),
+        "agent_id": last.names,
+        "t": np.full(count, number),
+        "obs": _joined(last.decision.observations),
+        "new_obs": _joined(now.decision.observations),
+        "actions": actions.astype(np.int64 if actions.ndim == 1 else np.float32),
+        "rewards": np.zeros(count, np.float32),
+        "residual": residual,
+    }
+    if MASK in last.decision.observations:
+        found[MASK] = motion.action_mask
+    return found
+
+
+def _joined(observations: Mapping[str, NDArray]) -> NDArray:
+    """Return all fields side by side, shape (N, numbers), in the order of an environment's observation."""
+    flat = [array.reshape(len(array), -1) for name, array in observations.items() if name != MASK]
+    return np.concatenate(flat, axis=1, dtype=np.float32)
+
+
+def _in_order(columns: dict[str, NDArray]) -> dict[str, NDArray]:
+    """Return the rows vehicle by vehicle, the last of each marked as cut off."""
+    _, episode = np.unique(columns["eps_id"].astype(str), return_inverse=True)
+    order = np.lexsort((columns["t"], episode))
+    episode, columns = episode[order], {name: column[order] for name, column in columns.items()}
+    is_last = np.append(episode[1:] != episode[:-1], True)
+    return columns | {"terminateds": np.zeros(len(order), np.bool_), "truncateds": is_last}
+
+
+def _table(columns: dict[str, NDArray], about: dict[str, Any]) -> pa.Table:
+    arrays = {
+        name: pa.array(column if column.ndim == 1 else list(column)) for name, column in columns.items()
+    }
+    return pa.table(arrays).replace_schema_metadata({ABOUT: json.dumps(about)})
+
+
+def _facts(built: BuiltScenario, traffic: str) -> dict[str, str]:
+    """Return where the data come from, and their licence; nothing is known of simulated traffic's."""
+    recording = (built.scenario.traffic or {})[traffic].recording
+    if recording is None or recording.history is not None:
+        return {"licence": "", "attribution": ""}
+    facts = read_tracks(built.source / recording.source).facts
+    return {name: facts.get(name, "") for name in ("name", "licence", "attribution")}
