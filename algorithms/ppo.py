@@ -22,6 +22,7 @@ from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
+from algorithms.joint.reference import ReferencePolicy
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group
 from algorithms.joint.stacking import StackedGroups, stack_groups
@@ -63,6 +64,9 @@ class PPOLearner(OnPolicyLearner):
         super().build()
         self.stacked_policies = stack_groups(self.groups, self._plain_policy)
         self.stacked_values = stack_groups(self.groups, self._plain_value)
+        self.reference = None
+        if self.config.kl_to is not None:
+            self.reference = ReferencePolicy(self.config.kl_to, self.groups, self._device)
 
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""
@@ -104,10 +108,17 @@ class PPOLearner(OnPolicyLearner):
             log_prob = torch.where(own.alive, policy.log_prob(own.actions), own.log_prob)
             loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
             entropy, weight = policy.entropy(), self.schedule_value(self.config.entropy_coeff)
-            losses.append((stack.sums(loss - weight * entropy, own.alive) / count).sum())
+            reports = {"policy_loss": loss, "entropy": entropy, **self.change(log_prob, own.log_prob)}
+            loss = loss - weight * entropy
+            nearness = self.schedule_value(self.config.kl_coeff)
+            if self.reference is not None and nearness:
+                views = {group.id: batch.part(group) for group in stack.groups}
+                away = policy.divergence(self.reference.distribution(stack.groups, views, head))
+                loss = loss + nearness * torch.where(own.alive, away, 0)
+                reports["kl_to_reference"] = away
+            losses.append((stack.sums(loss, own.alive) / count).sum())
             present = stack.present(absent)
             stepped += [group.id for group in present]
-            reports = {"policy_loss": loss, "entropy": entropy, **self.change(log_prob, own.log_prob)}
             for name, each in reports.items():
                 self._log_present(stack, present, name, stack.sums(each.detach(), own.alive) / count)
         if stepped:

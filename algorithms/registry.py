@@ -71,6 +71,7 @@ def _entry(place: str, *tags: Any, **more: Any) -> Entry:
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
+    "bc": _entry("bc:BC", _DEC, "M1", _BOTH, "behavioural cloning of demonstrations"),
     "pg": _entry("pg:PG", _DEC, "M1", _BOTH, "independent policy gradient on whole trajectories"),
     "a2c": _entry("a2c:A2C", _DEC, "M1", _BOTH, "independent advantage actor-critic", recurrent=True),
     "ppo": _entry("ppo:PPO", _DEC, "M1", _BOTH, "independent PPO", recurrent=True),

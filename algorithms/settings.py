@@ -137,6 +137,11 @@ class ActorCriticSettings(OnPolicySettings):
 
     lambda_: Fraction = 0.95
     """Weight of longer returns in generalised advantage estimation."""
+    kl_to: str | None = None
+    """Folder of a run whose policy this one keeps near to, such as an imitated driver of the same observation
+    and actions (Bakhtin et al. 2022; Cornelisse & Vinitsky 2024); null: none."""
+    kl_coeff: ScheduledWeight = 0.1
+    """Weight of the divergence from the policy of `kl_to`, or a schedule over environment steps."""
 
 
 class ReplaySettings(JointSettings):
@@ -239,11 +244,32 @@ class MATSettings(PPOSettings):
     """Heads of the attention; they divide the last of `hidden`."""
     value_coeff: NotNegative = 1.0
     """Weight of the values' error."""
+    kl_to: None = None
+    """Always null."""
+    kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
+    """Of no effect."""
 
     @model_validator(mode="after")
     def _heads_fit(self) -> Self:
         check_heads(self.attention_heads, self.hidden)
         return self
+
+
+class BCSettings(JointSettings):
+    """BC."""
+
+    data: str | None = None
+    """Parquet file of demonstrations, as `smarts-bench demonstrations` writes; required."""
+    sharing: Sharing = "all"
+    identity: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]
+    """Always false: demonstrations are of single agents."""
+    lr: ScheduledFraction = 1e-3
+    batch_size: Count = 256
+    """Decisions for a gradient step."""
+    updates: Count = 100
+    """Gradient steps of an iteration."""
+    noise: NotNegative = 0.02
+    """Standard deviation of normal noise on observations in training, against drift."""
 
 
 class SingleStepSettings(OnPolicySettings):
@@ -290,6 +316,10 @@ class CommNetSettings(A2CSettings):
     """False: messages are dropped, which makes the agents independent."""
     value_coeff: NotNegative = 0.03
     """Weight of the baseline's error."""
+    kl_to: None = None
+    """Always null."""
+    kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
+    """Of no effect."""
     epochs: Count = 1  # type: ignore[reportIncompatibleVariableOverride]
     """Passes over each rollout; several steps on a rollout are PPO's."""
     minibatch_size: Count | None = None  # type: ignore[reportIncompatibleVariableOverride]

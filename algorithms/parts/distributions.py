@@ -62,6 +62,10 @@ class CategoricalDistribution:
         """Return (...) entropies."""
         return -(self.log_probs.exp() * self.log_probs).sum(-1)
 
+    def divergence(self, other: CategoricalDistribution) -> Tensor:
+        """Return (...) KL divergences of these choices from others."""
+        return (self.log_probs.exp() * (self.log_probs - other.log_probs)).sum(-1)
+
     def sample(self, generator: Generator) -> Tensor:
         """Return (...) actions by the Gumbel-max trick."""
         return (self.log_probs - exponential(self.log_probs, generator).log()).argmax(-1)
@@ -98,6 +102,12 @@ class GaussianDistribution:
     def entropy(self) -> Tensor:
         """Return (...) entropies."""
         return (self.log_std + 0.5 * math.log(2 * math.pi * math.e)).sum(-1)
+
+    def divergence(self, other: GaussianDistribution) -> Tensor:
+        """Return (...) KL divergences of these actions from others."""
+        change, ratio = other.log_std - self.log_std, torch.exp(2 * (self.log_std - other.log_std))
+        apart = (self.mean - other.mean).square() * torch.exp(-2 * other.log_std)
+        return (change + 0.5 * (ratio + apart - 1)).sum(-1)
 
     def sample(self, generator: Generator) -> Tensor:
         """Return (..., k) actions."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
+import pyarrow.parquet as pq
 import torch
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
+from smarts.env.demonstrations import ABOUT
 from smarts.errors import SmartsError
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
@@ -96,7 +98,7 @@ def export_policy(
     run_folder = RunFolder(path)
     run = read_run(run_folder, imports)
     content, weights = described(run, checked_modules(run, run_folder.kept(checkpoint)))
-    provenance = f"{run}, {checkpoint} checkpoint"
+    provenance = "; ".join([f"{run}, {checkpoint} checkpoint", *learned_from(run)])
     level = ALGORITHMS[run.algorithm].level if run.algorithm in ALGORITHMS else ""
     title = f"The agent {locator}: {provenance}".replace('"', "'").replace("\\", "/")
     text = MODULE.format(
@@ -113,6 +115,16 @@ def export_policy(
 
     replace_folder(folder, fill)
     return folder
+
+
+def learned_from(run: Run) -> list[str]:
+    """Return where the demonstrations come from that a policy has learned from, and their licence."""
+    data = run.settings.get("data")
+    if not data or not Path(data).exists():
+        return []
+    about = json.loads((pq.read_schema(data).metadata or {}).get(ABOUT.encode(), b"{}"))
+    named = {"data": about.get("name") or about.get("scenario"), **about}
+    return [f"{key}: {named[key]}" for key in ("data", "attribution", "licence") if named.get(key)]
 
 
 def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, NDArray]]]:

@@ -125,8 +125,12 @@ class TrafficAgents:
         """The map."""
         return self._parts.scene.atlas.graphs[0]
 
-    def reset(self, episode: int = 0) -> EpisodeStart:
+    def reset(self, episode: int = 0, *, begin: float | None = None) -> EpisodeStart:
         """Begin an episode, and return what it is.
+
+        Args:
+            episode: Its number.
+            begin: Where in a recording it begins [s]; by default as the scenario says.
 
         Raises:
             TrafficError: The traffic engine refused.
@@ -134,7 +138,10 @@ class TrafficAgents:
         start = self._parts.schedule.start(0, episode)
         self._seen[:] = 0
         self.actions.given[:] = False
-        start = replace(start, bubbles=self._bubbles, room=None)
+        files = start.traffic
+        if begin is not None and files.recording is not None:
+            files = replace(files, recording=replace(files.recording, begin=begin))
+        start = replace(start, bubbles=self._bubbles, room=None, traffic=files)
         self._parts.simulation.reset({0: start})
         return start
 

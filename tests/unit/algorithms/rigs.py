@@ -31,10 +31,10 @@ def first(*values):
     return [values[0], *(pytest.param(*value, marks=pytest.mark.nightly) for value in several)]
 
 
-EVERY = cases(algorithms.names())
-OFF_POLICY = [
-    name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, ReplaySettings)
-]
+PLAYING = [name for name in algorithms.names() if name != "bc"]
+"""Algorithms that learn from what agents do, and not from demonstrations."""
+EVERY = cases(PLAYING)
+OFF_POLICY = [name for name in PLAYING if issubclass(algorithms.entry(name).settings, ReplaySettings)]
 
 
 def takes(name, **settings):
@@ -42,7 +42,7 @@ def takes(name, **settings):
     return not faults(algorithms.entry(name).settings, settings)
 
 
-SHARED = cases([name for name in algorithms.names() if takes(name, sharing="all")])
+SHARED = cases([name for name in PLAYING if takes(name, sharing="all")])
 """Algorithms whose agents may share a network."""
 
 

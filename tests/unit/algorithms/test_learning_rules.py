@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import EVERY, OFF_POLICY, SHARED, Rig, cases, known, moved, replayed, takes
+from rigs import EVERY, OFF_POLICY, PLAYING, SHARED, Rig, cases, known, moved, replayed, takes
 
-import algorithms
 from algorithms.joint.stacking import StackedGroups
 from algorithms.maac import CRITIC
 from tests.games.games import Cues, Game, Ragged, Target, TwoStep
@@ -198,7 +197,7 @@ def test_networks_evaluated_as_one_learn_like_separate_ones():
 
 
 @pytest.mark.parametrize(
-    "name", cases([n for n in algorithms.names() if n != "networked_q" and takes(n, sharing="none")])
+    "name", cases([n for n in PLAYING if n != "networked_q" and takes(n, sharing="none")])
 )
 def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     """Adam's momentum would move them; in networked Q every node takes part in every fit."""

@@ -62,7 +62,9 @@ def test_a_recorded_vehicle_is_observed_and_its_motion_explained(data):
     np.testing.assert_allclose(share[:3], 10 / (10 + np.array([29, 28, 27]) + 0.1), atol=1e-5)
     np.testing.assert_array_equal(np.array(rear.obs.tolist())[1:], np.array(rear.new_obs.tolist())[:-1])
     about = json.loads(pq.read_schema(data).metadata[ABOUT.encode()])
-    assert about["licence"] == "CC0" and about["action"] == "Direct" and about["median_residual"] < 1e-3
+    assert about["licence"] == "CC0"
+    assert about["action"] == "Direct"
+    assert about["median_residual"] < 1e-3
 
 
 def test_actions_that_are_carried_out_are_found_again(folder):
@@ -126,6 +128,7 @@ def test_rllibs_bc_learns_from_the_file(data):
         algo = config.build_algo()
         learned = algo.train()["learners"]["default_policy"]
         algo.stop()
-        assert np.isfinite(learned["policy_loss"]) and learned["num_module_steps_trained"] > 0
+        assert np.isfinite(learned["policy_loss"])
+        assert learned["num_module_steps_trained"] > 0
     finally:
         ray.shutdown()

@@ -5,7 +5,7 @@ import pytest
 import torch
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
-from rigs import cases, takes, train, weights_of
+from rigs import PLAYING, cases, takes, train, weights_of
 
 import algorithms
 from algorithms.joint.rllib_settings import HONOURED
@@ -16,7 +16,7 @@ from tests.games.recall import Recall
 
 LEARN = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
 CLIPPED = ["ppo", "centralised_v", "happo", "recurrent_ippo", "recurrent_mappo", "mat"]
-OFF_POLICY = [n for n in algorithms.names() if "capacity" in algorithms.entry(n).settings.model_fields]
+OFF_POLICY = [n for n in PLAYING if "capacity" in algorithms.entry(n).settings.model_fields]
 
 
 def small(name="ppo", env: type = Cues, **settings):
@@ -146,7 +146,7 @@ def test_a_networks_own_learning_rate_counts_and_other_overrides_are_errors(buil
     assert "agent_0" not in changed
 
 
-@pytest.mark.parametrize("name", cases(algorithms.names()))
+@pytest.mark.parametrize("name", cases(PLAYING))
 @pytest.mark.usefixtures("cluster")
 def test_results_hold_what_users_look_for(build, name):
     config = small(name, Cues, **(LEARN if name in OFF_POLICY else {}))

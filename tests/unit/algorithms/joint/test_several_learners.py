@@ -25,7 +25,7 @@ from tests.unit.algorithms.learner_processes import (
     process_id,
     rig,
 )
-from tests.unit.algorithms.rigs import first, train, weights_of
+from tests.unit.algorithms.rigs import PLAYING, first, train, weights_of
 
 pytestmark = pytest.mark.usefixtures("cluster")
 
@@ -75,7 +75,7 @@ def check_equal(name, processes, settings):
     assert drawn == one.learner.rng.random()
 
 
-@pytest.mark.parametrize("name", first("ppo", *(name for name in algorithms.names() if name != "ppo")))
+@pytest.mark.parametrize("name", first("ppo", *(name for name in PLAYING if name != "ppo")))
 def test_two_learners_become_what_one_becomes(name, processes):
     check_equal(name, processes, {})
 

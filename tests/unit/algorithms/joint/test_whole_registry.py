@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import ray
-from rigs import first
+from rigs import PLAYING, first
 
 import algorithms
 from tests.games.games import Cues
@@ -34,7 +34,7 @@ print(json.dumps(scores))
 
 
 FEW = {"ppo", "maddpg", "networked_q"}
-REST = {*algorithms.names()} - FEW
+REST = {*PLAYING} - FEW
 
 
 @pytest.fixture(scope="module", params=first(FEW, REST), ids=["few", "rest"])
