@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
-import pyarrow.parquet as pq
 import torch
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
-from smarts.env.demonstrations import ABOUT
+from smarts.env.demonstrations import about
 from smarts.errors import SmartsError
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
@@ -122,8 +121,8 @@ def learned_from(run: Run) -> list[str]:
     data = run.settings.get("data")
     if not data or not Path(data).exists():
         return []
-    about = json.loads((pq.read_schema(data).metadata or {}).get(ABOUT.encode(), b"{}"))
-    named = {"data": about.get("name") or about.get("scenario"), **about}
+    said = about(data)
+    named = {"data": said.get("name") or said.get("scenario"), **said}
     return [f"{key}: {named[key]}" for key in ("data", "attribution", "licence") if named.get(key)]
 
 

@@ -42,6 +42,7 @@ from benchmark.running.machine import machine
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
 from benchmark.running.played import scenario_digests
 from benchmark.running.testing import EVALUATION_SEED, play_test, results_of
+from smarts.env.demonstrations import about
 from smarts.errors import OwnCodeError
 from smarts.observations.lists import feature_list
 from smarts.registry import import_own
@@ -108,6 +109,7 @@ def _play(algo: Any, env: Any, indices: range, mode: str) -> None:
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
+    check_demonstrations(run)
     config = config_of(run)
     given = {"task_setting": run.task_setting, "discount": config.gamma, "policy": run.label}
     config.environment(NAME, env_config=given)
@@ -118,6 +120,32 @@ def algorithm_of(run: Run) -> Iterator[Any]:
         yield algo
     finally:
         algo.stop()
+
+
+def check_demonstrations(run: Run) -> None:
+    """Raise if the demonstrations that a run learns from are not of its environment's agents.
+
+    Raises:
+        ResultsError: They observe, act or decide in another way.
+    """
+    data, environment = run.settings.get("data"), run.task_setting.environment
+    if data is None or not Path(data).is_file():
+        return  # the algorithm says so
+    said = about(data)
+    if said.get("observation") is not None:
+        said["observation"] = feature_list(said["observation"])
+    here = {
+        "observation": feature_list(environment.observation),
+        "action": environment.action,
+        "decision_interval": environment.decision_interval,
+    }
+    for name, value in here.items():
+        if said.get(name) not in (None, value):
+            raise ResultsError(
+                f"the demonstrations are of another {name} than the environment's",
+                place=f"data {data}",
+                remedy=f"demonstrate with the {name} of the experiment's `environment`",
+            )
 
 
 def config_of(run: Run) -> Any:

@@ -206,7 +206,9 @@ def _check_bounds(locator: str, kind: Any, requests: Sequence[Asked]) -> None:
     """Raise unless all actions are in their space, which the simulation would clip them to."""
     form = action_format(kind)
     for _, answer in requests:
-        out = ~np.isclose(np.reshape(form.parse_batch(answer), answer.shape), answer, rtol=0, atol=1e-6)
+        parsed: Any = form.parse_batch(answer)  # of `Direct` with a number more
+        parsed = parsed.reshape(len(answer), -1)[:, : answer[0].size].reshape(answer.shape)
+        out = ~np.isclose(parsed, answer, rtol=0, atol=1e-6)
         if out.any():
             raise SmartsError(
                 f"the action {shown(answer[np.argwhere(out)[0, 0]], 100)} is out of bounds",

@@ -99,9 +99,10 @@ def demonstrate(
     columns = _in_order({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     residual = columns.pop("residual")
     facts = _facts(built, traffic)
-    about = {
+    said = {
         "scenario": built.name,
         "traffic": traffic,
+        "observation": observation if isinstance(observation, str | list | tuple | dict) else None,
         "action": action,
         "action_space": str(action_space(kind)),
         "decision_interval": decision_interval,
@@ -109,13 +110,18 @@ def demonstrate(
         **facts,
     }
     with written_whole(out) as partial:
-        pq.write_table(_table(columns, about), partial)
+        pq.write_table(_table(columns, said), partial)
     return [
         f"{built.name}, {traffic}: {len(residual)} decisions of {len(set(columns['eps_id']))} vehicles",
         f"actions {action}, which end {np.median(residual):.2f} m from where the vehicles were (median; "
         f"95%: within {np.quantile(residual, 0.95):.2f} m, at most {residual.max():.2f} m)",
         f"licence: {facts['licence'] or 'none named'}",
     ]
+
+
+def about(file: str | Path) -> dict[str, Any]:
+    """Return what a file says of its demonstrations; nothing where another program has written it."""
+    return json.loads((pq.read_schema(file).metadata or {}).get(ABOUT.encode(), b"{}"))
 
 
 def _transitions(
@@ -189,11 +195,11 @@ def _in_order(columns: dict[str, NDArray]) -> dict[str, NDArray]:
     return columns | {"terminateds": np.zeros(len(order), np.bool_), "truncateds": is_last}
 
 
-def _table(columns: dict[str, NDArray], about: dict[str, Any]) -> pa.Table:
+def _table(columns: dict[str, NDArray], said: dict[str, Any]) -> pa.Table:
     arrays = {
         name: pa.array(column if column.ndim == 1 else list(column)) for name, column in columns.items()
     }
-    return pa.table(arrays).replace_schema_metadata({ABOUT: json.dumps(about)})
+    return pa.table(arrays).replace_schema_metadata({ABOUT: json.dumps(said)})
 
 
 def _facts(built: BuiltScenario, traffic: str) -> dict[str, str]:

@@ -1,7 +1,5 @@
 """Demonstrations of recorded vehicles by hand, and the inverses of controllers."""
 
-import json
-
 import gymnasium as gym
 import numpy as np
 import pyarrow.parquet as pq
@@ -10,7 +8,7 @@ import ray
 from ray.rllib.algorithms.bc import BCConfig
 
 from smarts.controllers.inverse import INVERSES, Motion, inverse_of
-from smarts.env.demonstrations import ABOUT, demonstrate
+from smarts.env.demonstrations import about, demonstrate
 from smarts.env.traffic_agents import TrafficAgents
 from smarts.errors import ActionError, SmartsError
 from smarts.recordings.tracks import write_tracks
@@ -61,10 +59,9 @@ def test_a_recorded_vehicle_is_observed_and_its_motion_explained(data):
     np.testing.assert_allclose(np.expm1(gap[:3] * np.log1p(150)), [29, 28, 27], atol=1e-3)
     np.testing.assert_allclose(share[:3], 10 / (10 + np.array([29, 28, 27]) + 0.1), atol=1e-5)
     np.testing.assert_array_equal(np.array(rear.obs.tolist())[1:], np.array(rear.new_obs.tolist())[:-1])
-    about = json.loads(pq.read_schema(data).metadata[ABOUT.encode()])
-    assert about["licence"] == "CC0"
-    assert about["action"] == "Direct"
-    assert about["median_residual"] < 1e-3
+    said = about(data)
+    assert (said["licence"], said["action"], said["decision_interval"]) == ("CC0", "Direct", 5)
+    assert said["median_residual"] < 1e-3
 
 
 def test_actions_that_are_carried_out_are_found_again(folder):
