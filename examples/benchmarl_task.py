@@ -10,7 +10,7 @@ from smarts.env.benchmarl import HiWayTask
 
 
 def train(algorithm: type, steps: int, folder: str) -> float:
-    """Train an algorithm with BenchMARL's own defaults; return its mean return by agent."""
+    """Train an algorithm by BenchMARL, with few steps and small batches; return its mean return by agent."""
     config = ExperimentConfig.get_from_yaml()
     config.max_n_frames, config.save_folder = steps, folder
     config.loggers, config.create_json, config.evaluation, config.render = [], False, False, False
