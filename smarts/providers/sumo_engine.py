@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
 
 import numpy as np
 
@@ -40,7 +41,8 @@ class SumoEngine(TrafficEngine):
         """See `TrafficEngine`."""
         for row, start in starts.items():
             if row in self._broken:
-                _close_failed(self._simulations[row])
+                with suppress(TrafficError):
+                    self._simulations[row].close()
                 self._simulations[row] = self._make(row)
             self._broken.add(row)
             self._simulations[row].reset(
@@ -74,18 +76,8 @@ class SumoEngine(TrafficEngine):
     def close(self) -> None:
         """See `TrafficEngine`; failed copies are freed too."""
         for row, simulation in enumerate(self._simulations):
-            if row in self._broken:
-                _close_failed(simulation)
-            else:
+            with suppress(TrafficError) if row in self._broken else nullcontext():
                 simulation.close()
 
     def _make(self, row: int) -> SumoTraffic:
         return SumoTraffic(self._world, row, self._owner, step=self._step)
-
-
-def _close_failed(simulation: SumoTraffic) -> None:
-    """Close a simulation that has failed, and ignore errors."""
-    try:
-        simulation.close()
-    except TrafficError:
-        return
