@@ -54,8 +54,8 @@ class Demonstrations(NamedTuple):
     """Shape (D, 1, A)."""
 
     @classmethod
-    def read(cls, file: str, group: Group) -> Demonstrations:
-        """Return the content of a file.
+    def read(cls, file: str, group: Group, *, masked: bool) -> Demonstrations:
+        """Return the content of a file, with action masks if the environment has them.
 
         Raises:
             DataError: It cannot be read, or is of agents that see or do something else.
@@ -81,7 +81,7 @@ class Demonstrations(NamedTuple):
             name: torch.from_numpy(part.reshape(len(obs), 1, *leaf.shape))
             for (name, leaf), part in zip(group.observation.items(), parts, strict=True)
         }
-        has_mask = "action_mask" in table.column_names
+        has_mask = masked and "action_mask" in table.column_names
         mask = torch.tensor(table["action_mask"].to_pylist())[:, None] if has_mask else None
         return cls(leaves, torch.from_numpy(_to_module(space, actions))[:, None], mask)
 
@@ -108,7 +108,11 @@ class BCLearner(JointTorchLearner):
         super().build()
         if self.config.data is None:
             raise DataError("there are no demonstrations", place="bc", remedy="give their file: data")
-        self.data = {group.id: Demonstrations.read(str(self.config.data), group) for group in self.groups}
+        blocks = self.spec.spaces.blocks
+        self.data = {
+            group.id: Demonstrations.read(self.config.data, group, masked=blocks[group.block].masked)
+            for group in self.groups
+        }
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Take the steps of an iteration; there is no rollout."""

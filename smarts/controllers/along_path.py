@@ -14,6 +14,8 @@ from smarts.types.actions import Actions, CommandMode, Commands
 
 HARDEST, MOST = 10.0, 5.0
 """Largest deceleration and acceleration of an action [m/s^2]."""
+MOVED = 1e-6
+"""A vehicle that is farther from where it was put is another one, or was driven by others [m]."""
 BEYOND = 200.0
 """Paths go on straight so far beyond their end [m]."""
 
@@ -33,14 +35,10 @@ class AlongPath:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         shape = scene.world.agents.slot.shape
-        self._has_path, self._s = np.zeros(shape, np.bool_), np.zeros(shape)
+        self._s, self._put = np.zeros(shape), np.full((*shape, 2), np.inf)
+        """Where each vehicle is on its path [m], and where it was put in the last step."""
         self._paths: dict[tuple[int, int], Floats] = {}
         """Path of each agent as points x, y, heading, arc length, by simulation and agent."""
-
-    @property
-    def columns(self) -> tuple[Bools]:
-        """Whether an agent has been given its vehicle's path; see `Controller`."""
-        return (self._has_path,)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the poses of the chosen agents; see `Controller`."""
@@ -50,7 +48,7 @@ class AlongPath:
         times = world.dt / substeps * np.arange(1, substeps + 1)
         for b, a in np.argwhere(chosen).tolist():
             slot = int(world.agents.slot[b, a])
-            if not self._has_path[b, a]:
+            if np.abs(vehicles.position[b, slot] - self._put[b, a]).max() > MOVED:
                 self._begin(b, a, slot)
             points, speed = self._paths[b, a], float(vehicles.speed[b, slot])
             acceleration = float(actions.values[b, a, 0])
@@ -59,7 +57,7 @@ class AlongPath:
             out.poses[b, a, :, :3] = np.column_stack([np.interp(s, points[:, 3], x) for x in points[:, :3].T])
             out.poses[b, a, :, 2] = np.pi - (np.pi - out.poses[b, a, :, 2]) % (2.0 * np.pi)
             out.poses[b, a, :, 3] = speed + acceleration * moving
-            self._s[b, a] = s[-1]
+            self._s[b, a], self._put[b, a] = s[-1], out.poses[b, a, -1, :2]
 
     def _begin(self, b: int, a: int, slot: int) -> None:
         """Find an agent's path, and the place of its vehicle there."""
@@ -76,4 +74,4 @@ class AlongPath:
         share = np.clip((ahead * way).sum(axis=1) / (way * way).sum(axis=1), 0.0, 1.0)
         nearest = int(np.hypot(*(ahead - share[:, None] * way).T).argmin())
         self._s[b, a] = points[nearest, 3] + share[nearest] * (points[nearest + 1, 3] - points[nearest, 3])
-        self._paths[b, a], self._has_path[b, a] = points, True
+        self._paths[b, a] = points

@@ -6,19 +6,18 @@ A file of single-agent episodes with RLlib's columns, a row for each decision (`
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from smarts.arrays import Floats, Ints
 from smarts.controllers import action_space
 from smarts.controllers.inverse import Inverse, Motion, inverse_of
-from smarts.env.traffic_agents import Decision, TrafficAgents
+from smarts.env.traffic_agents import TrafficAgents
 from smarts.errors import ScenarioError
 from smarts.observations.action_mask import MASK
 from smarts.observations.lists import Observed
@@ -33,22 +32,9 @@ ABOUT = "smarts_demonstrations"
 """Key of the file's metadata: JSON of what was acted, how, and where the data come from."""
 
 
-class _Seen(NamedTuple):
-    """A decision, and the vehicles at that time, shape (N, ...)."""
-
-    decision: Decision
-    names: NDArray
-    position: Floats
-    heading: Floats
-    speed: Floats
-    lane: Ints
-
-    def at(self, places: NDArray) -> _Seen:
-        """Return some of the vehicles."""
-        hold, agent_id, slot, observations, action_mask = self.decision
-        seen = {name: array[places] for name, array in observations.items()}
-        decision = Decision(hold[places], agent_id[places], slot[places], seen, action_mask[places])
-        return _Seen(decision, *(column[places] for column in self[1:]))
+MOTION = ("position", "heading", "speed")
+_Seen = dict[str, NDArray]
+"""The vehicles that decide at a time: hold, name, position, heading, speed, lane, obs, action_mask."""
 
 
 def demonstrate(
@@ -137,53 +123,53 @@ def _transitions(
     for number in range(int(seconds / time + 1e-6)):
         agents.step()
         now = _see(agents)
-        _, before, after = np.intersect1d(last.decision.hold, now.decision.hold, return_indices=True)
+        _, before, after = np.intersect1d(last["hold"], now["hold"], return_indices=True)
         if len(before):
-            yield _columns(agents, explain, last.at(before), now.at(after), episode, number)
+            begun = {name: column[before] for name, column in last.items()}
+            ended = {name: column[after] for name, column in now.items()}
+            yield _columns(agents, explain, begun, ended, episode, number)
         last = now
 
 
 def _see(agents: TrafficAgents) -> _Seen:
     decision, vehicles = agents.decide(), agents.vehicles
-    names = np.array([agents.name(slot) for slot in decision.slot.tolist()], object)
-    motion = (vehicles.position, vehicles.heading, vehicles.speed, vehicles.lane)
-    return _Seen(decision, names, *(column[decision.slot] for column in motion))
+    seen = {name: array for name, array in decision.observations.items() if name != MASK}
+    flat = [array.reshape(len(array), int(np.prod(array.shape[1:]))) for array in seen.values()]
+    found = {name: getattr(vehicles, name)[decision.slot] for name in (*MOTION, "lane")}
+    return found | {
+        "hold": decision.hold,
+        "name": np.array([agents.name(slot) for slot in decision.slot.tolist()], object),
+        "obs": np.concatenate(flat, axis=1, dtype=np.float32),
+        "action_mask": decision.action_mask,
+    }
 
 
 def _columns(
     agents: TrafficAgents, explain: Inverse, last: _Seen, now: _Seen, episode: int, number: int
 ) -> dict[str, NDArray]:
     """Return the columns of N vehicles between two decisions."""
-    roads, lane, count = agents.roads, np.maximum(last.lane, 0), len(last.names)
-    side = (now.lane == roads.left[lane]) * 1 - (now.lane == roads.right[lane])
-    is_known = (last.lane >= 0) & (now.lane >= 0)
+    roads, lane, count = agents.roads, np.maximum(last["lane"], 0), len(last["name"])
+    side = (now["lane"] == roads.left[lane]) * 1 - (now["lane"] == roads.right[lane])
+    is_known = (last["lane"] >= 0) & (now["lane"] >= 0)
     motion = Motion(
-        *(np.stack(each) for each in zip(last[2:5], now[2:5], strict=True)),
+        *(np.stack([last[name], now[name]]) for name in MOTION),
         side=np.where(is_known, side, 0),
         limit=roads.speed_limit[lane],
-        action_mask=last.decision.action_mask,
+        action_mask=last["action_mask"],
         time=agents.interval * agents.world.dt,
     )
     actions, residual = explain(motion)
-    found = {
-        "eps_id": np.array([f"{episode}/{hold}" for hold in last.decision.hold.tolist()], object),
-        "agent_id": last.names,
+    return {
+        "eps_id": np.array([f"{episode}/{hold}" for hold in last["hold"].tolist()], object),
+        "agent_id": last["name"],
         "t": np.full(count, number),
-        "obs": _joined(last.decision.observations),
-        "new_obs": _joined(now.decision.observations),
+        "obs": last["obs"],
+        "new_obs": now["obs"],
         "actions": actions.astype(np.int64 if actions.ndim == 1 else np.float32),
         "rewards": np.zeros(count, np.float32),
+        "action_mask": last["action_mask"],
         "residual": residual,
     }
-    if MASK in last.decision.observations:
-        found[MASK] = motion.action_mask
-    return found
-
-
-def _joined(observations: Mapping[str, NDArray]) -> NDArray:
-    """Return all fields side by side, shape (N, numbers), in the order of an environment's observation."""
-    flat = [array.reshape(len(array), -1) for name, array in observations.items() if name != MASK]
-    return np.concatenate(flat, axis=1, dtype=np.float32)
 
 
 def _in_order(columns: dict[str, NDArray]) -> dict[str, NDArray]:
