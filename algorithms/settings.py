@@ -130,6 +130,16 @@ class OnPolicySettings(JointSettings):
     """Weight of the entropy bonus, or a schedule over environment steps."""
     normalize_values: bool = False
     """Whether critics fit standardised targets."""
+    kl_to: str | None = None
+    """Folder of a run whose policy this one keeps near to, such as an imitated driver of the same observation
+    and actions (Bakhtin et al. 2022; Cornelisse & Vinitsky 2024); null: none."""
+    kl_coeff: ScheduledWeight = 0.1
+    """Weight of the divergence from the policy of `kl_to`, or a schedule over environment steps."""
+
+    @model_validator(mode="after")
+    def _divergence_fits(self) -> Self:
+        self.check_unused("kl_coeff", used=self.kl_to is not None, unless="kl_to names a run")
+        return self
 
 
 class ActorCriticSettings(OnPolicySettings):
@@ -137,11 +147,6 @@ class ActorCriticSettings(OnPolicySettings):
 
     lambda_: Fraction = 0.95
     """Weight of longer returns in generalised advantage estimation."""
-    kl_to: str | None = None
-    """Folder of a run whose policy this one keeps near to, such as an imitated driver of the same observation
-    and actions (Bakhtin et al. 2022; Cornelisse & Vinitsky 2024); null: none."""
-    kl_coeff: ScheduledWeight = 0.1
-    """Weight of the divergence from the policy of `kl_to`, or a schedule over environment steps."""
 
 
 class ReplaySettings(JointSettings):
@@ -244,7 +249,7 @@ class MATSettings(PPOSettings):
     """Heads of the attention; they divide the last of `hidden`."""
     value_coeff: NotNegative = 1.0
     """Weight of the values' error."""
-    kl_to: None = None
+    kl_to: None = None  # type: ignore[reportIncompatibleVariableOverride]
     """Always null."""
     kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
     """Of no effect."""
@@ -316,7 +321,7 @@ class CommNetSettings(A2CSettings):
     """False: messages are dropped, which makes the agents independent."""
     value_coeff: NotNegative = 0.03
     """Weight of the baseline's error."""
-    kl_to: None = None
+    kl_to: None = None  # type: ignore[reportIncompatibleVariableOverride]
     """Always null."""
     kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
     """Of no effect."""

@@ -37,7 +37,7 @@ class ReferencePolicy:
             if not issubclass(given["class"], LearnerModule)
         }
         only = next(iter(made.values())) if len(made) == 1 else None
-        self._modules = {group.id: made.get(group.id, only) for group in groups}
+        self._modules: dict[str, Any] = {group.id: made.get(group.id, only) for group in groups}
         for group in groups:
             module = self._modules[group.id]
             if module is None or not _fits(module.group, group):

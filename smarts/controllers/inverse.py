@@ -93,8 +93,9 @@ def _along_path(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def _lane_and_speed(motion: Motion) -> tuple[Floats, Floats]:
-    target = motion.speed[0] + motion.acceleration / SPEED_GAIN
-    actions = _within(ActionSpaceType.LaneWithContinuousSpeed, np.column_stack([target, motion.side]))
+    wanted = np.zeros((len(motion.side), 2))
+    wanted[:, 0], wanted[:, 1] = motion.speed[0] + motion.acceleration / SPEED_GAIN, motion.side
+    actions = _within(ActionSpaceType.LaneWithContinuousSpeed, wanted)
     return actions, _residual(motion, motion.speed[1])
 
 

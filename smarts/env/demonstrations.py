@@ -114,13 +114,13 @@ def _transitions(
     agents: TrafficAgents, explain: Inverse, seconds: float | None, episode: int
 ) -> Iterator[dict[str, NDArray]]:
     """Yield the columns of the decisions in an episode, those of each time together."""
-    start, time = agents.reset(episode), agents.interval * agents.world.dt
-    seconds = 60.0 if seconds is None and start.traffic.recording is None else seconds
-    if start.traffic.recording is not None:  # behind its end vehicles drive by a model
-        left = float(Log.load(start.traffic.recording.log).paths.end.max()) - start.traffic.recording.begin
-        seconds = left if seconds is None else min(seconds, left)
+    recording, time = agents.reset(episode).traffic.recording, agents.interval * agents.world.dt
+    length = 60.0 if seconds is None else seconds
+    if recording is not None:  # behind its end vehicles drive by a model
+        left = float(Log.load(recording.log).paths.end.max()) - recording.begin
+        length = left if seconds is None else min(seconds, left)
     last = _see(agents)
-    for number in range(int(seconds / time + 1e-6)):
+    for number in range(int(length / time + 1e-6)):
         agents.step()
         now = _see(agents)
         _, before, after = np.intersect1d(last["hold"], now["hold"], return_indices=True)

@@ -95,8 +95,8 @@ class TrafficAgents:
                 )
         interface = benchmark_interface(action=action, vehicle_model="kinematic")
         if drives:  # nothing ends an agent but its vehicle's way
-            never = {name: False for name in ("collision", "off_road", "off_route", "not_moving")}
-            interface = interface.replace(done_criteria=DoneCriteria(**never), max_episode_steps=None)
+            never = DoneCriteria(collision=False, off_road=False, off_route=False)
+            interface = interface.replace(done_criteria=never, max_episode_steps=None)
         played = built.with_traffic([traffic])
         count = min(vehicle_limit(played), MOST_AGENTS)
         pool = [PooledAgents(interface, count)]
@@ -155,7 +155,7 @@ class TrafficAgents:
         (columns,) = np.nonzero(is_there[0])
         return Decision(
             serial[0, columns],
-            columns,
+            columns.astype(np.int32),
             agents.slot[0, columns],
             {name: array[0, columns] for name, array in arrays.items()},
             agents.action_mask[0, columns],

@@ -42,6 +42,8 @@ OF_RUNS = {
     "checkpoint_replay",
     "longest_trajectory",
     "max_joint_actions",
+    "kl_to",
+    "kl_coeff",
 }
 """Settings that say where or when a run stops, what it reports or stores: they have tests of their own."""
 BESIDE = {"agreement_rounds": {"graph": "ring"}, "identity": {"sharing": "all"}}
