@@ -66,7 +66,8 @@ class PPOLearner(OnPolicyLearner):
         self.stacked_values = stack_groups(self.groups, self._plain_value)
         self.reference = None
         if self.config.kl_to is not None:
-            self.reference = ReferencePolicy(self.config.kl_to, self.groups, self._device)
+            learning = {group.id: self.net(group.id) for group in self.groups}
+            self.reference = ReferencePolicy(self.config.kl_to, learning, self._device)
 
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""

@@ -11,7 +11,7 @@ from ray import cloudpickle
 
 from algorithms.errors import CheckpointError
 from algorithms.joint.batch import GroupView
-from algorithms.joint.module import LearnerModule, without_memory
+from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.spec import Group
 
 
@@ -20,14 +20,14 @@ class ReferencePolicy:
 
     Args:
         run: Folder of the run, or of a checkpoint.
-        groups: The agents that learn; each keeps near to the policy of its name, or to the only one.
+        policies: The ones that learn, by group; each keeps near to the one of its name, or to the only one.
         device: Where they are.
 
     Raises:
         CheckpointError: There is no checkpoint, or its policies see or do something else.
     """
 
-    def __init__(self, run: str, groups: Sequence[Group], device: Any) -> None:
+    def __init__(self, run: str, policies: Mapping[str, JointModule], device: Any) -> None:
         folder = Path(run, "checkpoint") if Path(run, "checkpoint").is_dir() else Path(run)
         found = sorted((folder / "learner_group/learner/rl_module").glob("*/class_and_ctor_args.pkl"))
         described = {file.parent: cloudpickle.loads(file.read_bytes()) for file in found}
@@ -37,12 +37,12 @@ class ReferencePolicy:
             if not issubclass(given["class"], LearnerModule)
         }
         only = next(iter(made.values())) if len(made) == 1 else None
-        self._modules: dict[str, Any] = {group.id: made.get(group.id, only) for group in groups}
-        for group in groups:
-            module = self._modules[group.id]
-            if module is None or not _fits(module.group, group):
-                problem = "has no checkpoint" if not made else f"has no policy that fits {group.id!r}"
-                remedy = "name a run with the same observation and action, and `sharing: all`"
+        self._modules: dict[str, Any] = {group: made.get(group, only) for group in policies}
+        for group, policy in policies.items():
+            module = self._modules[group]
+            if module is None or not _fits(module, policy):
+                problem = "has no checkpoint" if not made else f"has no policy that fits {group!r}"
+                remedy = "name a run of bc or ppo with the same observation and action, and `sharing: all`"
                 raise CheckpointError(problem, place=f"kl_to {run!r}", remedy=remedy)
             module.to(device).requires_grad_(False)
 
@@ -62,10 +62,9 @@ def _module(folder: Path, described: Mapping[str, Any]) -> Any:
     return module
 
 
-def _fits(there: Group, here: Group) -> bool:
-    """Return whether a policy of another run acts for a group's agents."""
-    shapes = [
-        {name: leaf.shape for name, leaf in without_memory(each.observation).items()}
-        for each in (there, here)
-    ]
-    return shapes[0] == shapes[1] and there.action == here.action and there.places in (1, here.places)
+def _fits(there: JointModule, here: JointModule) -> bool:
+    """Return whether a policy of another run acts for a group's agents, by their own observations alone."""
+    shapes = [{name: leaf.shape for name, leaf in each.group.observation.items()} for each in (there, here)]
+    is_alone = not (there.recurrent or here.recurrent or there.communicates or there.acts_jointly)
+    is_alike = type(there.head) is type(here.head) and there.group.action == here.group.action
+    return shapes[0] == shapes[1] and is_alone and is_alike and there.group.places in (1, here.group.places)

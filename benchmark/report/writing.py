@@ -16,12 +16,13 @@ from benchmark.report.html import main_table, pictures, report_page, report_text
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import summaries_of
+from benchmark.report.tables import CONDITION_COLUMNS, condition_rows
 from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
 from benchmark.results.reading import REPORT, read_results
 
 PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
-MARL_EVAL, ROBUSTNESS = "marl_eval.json", "robustness.csv"
+MARL_EVAL, ROBUSTNESS, CONDITIONS = "marl_eval.json", "robustness.csv", "conditions.csv"
 
 
 def write_report(root: Path, out: Path | None = None, *, episodes: bool = False) -> Path:
@@ -71,6 +72,7 @@ def report_files(
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
+        **conditions_csv(report),
         **robustness_csv(robustness),
         **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
         **{f"{name}.svg": picture for name, picture in drawn.items()},
@@ -84,6 +86,15 @@ def values_csv(values: Frame) -> str:
         "; ".join(f"{name}={csv_number(value)}" for name, value in each.items()) for each in values["terms"]
     ]
     return values.assign(terms=terms).to_csv(index=False, float_format=csv_number, lineterminator="\n")
+
+
+def conditions_csv(report: Report) -> dict[str, str]:
+    """Return the table "By condition"; no file without one."""
+    if not (rows := condition_rows(report)):
+        return {}
+    return {
+        CONDITIONS: pd.DataFrame(rows, columns=[*CONDITION_COLUMNS]).to_csv(index=False, lineterminator="\n")
+    }
 
 
 def robustness_csv(robustness: Robustness) -> dict[str, str]:
@@ -117,7 +128,17 @@ def _check_free(folder: Path) -> None:
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
         drawn = (f"{kind.name}.*" for kind in (*KINDS, PROFILE))
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *drawn]
+        known = [
+            PAGE,
+            TEXT,
+            VALUES,
+            DIFFERENCES,
+            MARL_EVAL,
+            CONDITIONS,
+            ROBUSTNESS,
+            "main_table_*.tex",
+            *drawn,
+        ]
         if not ((folder / TEXT).is_file() or (folder / PAGE).is_file()):  # these names are of others
             known = []
         elif all(each.suffix == ".html" for each in (folder / EPISODES).glob("*")):

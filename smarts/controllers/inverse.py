@@ -5,6 +5,7 @@ Axis letters: N vehicles.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -93,10 +94,12 @@ def _along_path(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def _lane_and_speed(motion: Motion) -> tuple[Floats, Floats]:
-    wanted = np.zeros((len(motion.side), 2))
-    wanted[:, 0], wanted[:, 1] = motion.speed[0] + motion.acceleration / SPEED_GAIN, motion.side
+    # The distance to a target speed that is held goes to 0 exponentially.
+    reached = 1.0 - math.exp(-SPEED_GAIN * motion.time)
+    before, after = motion.speed
+    wanted = np.column_stack([before + (after - before) / reached, motion.side])
     actions = _within(ActionSpaceType.LaneWithContinuousSpeed, wanted)
-    return actions, _residual(motion, motion.speed[1])
+    return actions, _residual(motion, before + reached * (actions[:, 0] - before))
 
 
 def _lane(motion: Motion) -> tuple[Floats, Floats]:
@@ -110,7 +113,7 @@ def _lane(motion: Motion) -> tuple[Floats, Floats]:
     change = np.where(motion.side > 0, LaneAction.change_lane_left, LaneAction.change_lane_right)
     changes = (motion.side != 0) & motion.action_mask[np.arange(len(change)), change]
     reached = np.where(actions == LaneAction.slow_down, slowed, kept)
-    return np.where(changes, change, actions), _residual(motion, np.where(changes, after, reached))
+    return np.where(changes, change, actions), _residual(motion, np.where(changes, kept, reached))
 
 
 def _within(kind: ActionSpaceType, actions: Floats) -> Floats:
