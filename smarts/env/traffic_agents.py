@@ -25,7 +25,7 @@ from smarts.geometry.rings import rings_of
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.lists import Observed, feature_list
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sim.assembly import Options, assemble
+from smarts.sim.assembly import assemble
 from smarts.sim.schedule import vehicle_limit
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
@@ -82,7 +82,6 @@ class TrafficAgents:
         decision_interval: int = 5,
         drives: bool = False,
         seed: int = 42,
-        options: Options | None = None,
     ) -> None:
         built.traffic_files(traffic)
         observed, self.interval = feature_list(observation), decision_interval
@@ -100,7 +99,7 @@ class TrafficAgents:
         played = built.with_traffic([traffic])
         count = min(vehicle_limit(played), MOST_AGENTS)
         pool = [PooledAgents(interface, count)]
-        self._parts = assemble([played], [], pool=pool, seed=seed, options=options)
+        self._parts = assemble([played], [], pool=pool, seed=seed)
         self.world, self.actions = self._parts.scene.world, self._parts.actions
         names = {str(number): interface for number in range(count)}
         context = context_of(self._parts.scene, names, 0, decision_interval)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,7 @@ class Recorded(TrafficEngine):
                 paths=Paths.empty(),
             )
         )
+        self._points = cache(lambda path: self._traffic.value.paths.points(path))
         self._logs: dict[Path, range] = {}
         self._lanes: dict[tuple[int, int], int] = {}
         """Path of each lane of each map, as far as known."""
@@ -128,7 +130,7 @@ class Recorded(TrafficEngine):
             name = NAME + self._names[track]
             slot = world.registry.admit(row, name, self._owner, int(paths.kind[track]), *size)
             world.vehicles.route[row, slot] = world.routes.number(row, self._routes[track])
-            world.paths[row, slot, int(world.vehicles.generation[row, slot])] = paths.points(track)
+            world.paths[row, slot, int(world.vehicles.generation[row, slot])] = self._points(track)
             self._enter(row, slot, track)
 
     def _take(self, row: int, slot: int) -> None:
