@@ -49,6 +49,7 @@ app = typer.Typer(
 app.command()(experiments.run)
 app.command()(experiments.sweep)
 app.command()(experiments.evaluate)
+app.command()(data.realism)
 app.command()(robustness.robustness)
 app.command()(scripted.scripted)
 app.command()(reports.report)

@@ -90,3 +90,29 @@ def demonstrations(
         seed=seed,
     )
     typer.echo("\n".join([*lines, f"wrote {out}"]))
+
+
+def realism(
+    scenario: Annotated[
+        str,
+        typer.Argument(metavar="SCENARIO", help="Scenario with recorded traffic, or SCENARIO@VARIATION."),
+    ],
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(help="Folder of a run, or agent of the zoo. Repeatable.", show_default=False),
+    ] = None,
+    engine: Annotated[
+        list[str] | None, typer.Option(help="Traffic engine. Repeatable.", show_default="SUMO")
+    ] = None,
+    rollouts: Annotated[int, typer.Option(help="How often each scene is played.", min=1)] = 32,
+) -> None:
+    """Measure how realistic drivers are: in the place of recorded vehicles, for 5 s.
+
+    The log itself is the ceiling; constant speed and IDM on the recorded path are floors.
+    """
+    import pandas as pd
+
+    from benchmark.running.realism import measure_realism
+
+    rows = measure_realism(scenario, policies=policy or (), engines=engine or ("SUMO",), rollouts=rollouts)
+    typer.echo(pd.DataFrame(rows).to_string(index=False, float_format="%.3f", na_rep="n/a"))

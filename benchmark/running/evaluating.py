@@ -179,7 +179,7 @@ def play_agent(
 
     def play(env: VectorHiWayEnv, indices: range, _: str) -> None:
         everyone = np.ones(len(env.agents), np.bool_)
-        play_together(env, [(_AgentDriver(agent, env), everyone)], indices, seed)
+        play_together(env, [(AgentDriver(agent, env), everyone)], indices, seed)
 
     seen = {"num_envs": 1, "observation": agent.observation, "policy": str(labels["algorithm"])}
     yield from play_parts(task_setting, folder, (mode,), labels, play, **seen)
@@ -240,30 +240,31 @@ def evaluate_exported(
     return _tested(setting, out, agent, labels, "greedy")
 
 
-class _AgentDriver:
-    """An agent that acts on arrays, for all agents of one simulation; see `playing_together.Driver`.
+class AgentDriver:
+    """An agent that acts on arrays, for all agents of an environment; see `playing_together.Driver`.
 
     Args:
         agent: The agent.
-        env: One simulation whose agents have equal spaces, which fit the agent.
+        env: Its agents have equal spaces, which fit the agent.
     """
 
     def __init__(self, agent: BatchAgent, env: VectorHiWayEnv) -> None:
-        self._agent, self._env, self._episode = agent, env, -1
-        self._known = np.zeros(len(env.agents), np.bool_)
+        self._agent, self._env = agent, env
+        self._episode = np.full(env.num_envs, -1)
+        self._known = np.zeros((env.num_envs, len(env.agents)), np.bool_)
 
     def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> list[NDArray]:
-        """Return the actions of all active agents, shape (1, n, ...).
+        """Return the actions of all active agents, shape (B, n, ...).
 
         Raises:
             OwnCodeError: The agent's answer is no action.
         """
-        if begun[0]:
-            self._known[:], self._episode = False, self._episode + 1
+        self._known[begun] = False
+        self._episode[begun] += 1
         batch = self._batch(now)
-        self._known |= now.alive[0]
+        self._known |= now.alive
         block = self._env.spaces.blocks[0]
-        chosen = np.zeros((1, len(block.agents), *(block.action.shape or ())), block.action.dtype)
+        chosen = np.zeros((*now.alive.shape, *(block.action.shape or ())), block.action.dtype)
         given = self._agent.act(batch)
         try:
             answer = checked_actions(given, len(batch.env_id))
@@ -276,30 +277,33 @@ class _AgentDriver:
                 place=type(self._agent).__name__,
                 remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
             ) from error
-        chosen[0, batch.agent_id] = answer
+        chosen[batch.env_id, batch.agent_id] = answer
         return [chosen]
 
     def _batch(self, now: VectorStep) -> ActionBatch:
         """Return the request for the actions of the active agents."""
-        env, places = self._env, np.flatnonzero(now.alive[0])
-        (start,), count = env.episodes, len(places)
+        env, starts = self._env, self._env.episodes
+        rows, places = np.nonzero(now.alive)
         (leaves,), (masks,) = now.observations, now.masks
-        everything = np.ones((count, len(LaneAction)), np.bool_)
+        everything = np.ones((len(rows), len(LaneAction)), np.bool_)
         seeds = [
-            hold_seed(start.seed, env.agents[place], world=start.world, episode=start.episode)
-            for place in places.tolist()
+            hold_seed(
+                starts[row].seed, env.agents[place], world=starts[row].world, episode=starts[row].episode
+            )
+            for row, place in zip(rows.tolist(), places.tolist(), strict=True)
         ]
+        hold = (self._episode[rows] * env.num_envs + rows) * len(env.agents) + places
         return ActionBatch(
-            observations={name or ALONE: array[0, places] for name, array in leaves.items()},
-            action_mask=everything if masks is None else masks[0, places],
-            env_id=np.zeros(count, np.int32),
+            observations={name or ALONE: array[rows, places] for name, array in leaves.items()},
+            action_mask=everything if masks is None else masks[rows, places],
+            env_id=rows.astype(np.int32),
             agent_id=places.astype(np.int32),
-            hold=(self._episode * len(env.agents) + places).astype(np.int64),
-            episode=np.full(count, start.episode, np.int32),
-            step=np.full(count, env.episode_steps[0], np.int32),
-            is_first=~self._known[places],
+            hold=hold.astype(np.int64),
+            episode=np.array([starts[row].episode for row in rows.tolist()], np.int32),
+            step=env.episode_steps[rows].astype(np.int32),
+            is_first=~self._known[rows, places],
             seed=np.array(seeds, np.uint64),
-            drives=np.ones(count, np.bool_),
+            drives=np.ones(len(rows), np.bool_),
         )
 
 

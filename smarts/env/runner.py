@@ -5,7 +5,7 @@ Axis letters: B simulations, A agents, E egos.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
 
@@ -102,6 +102,8 @@ class SimulationRunner:
         self.encoder = ActionEncoder(self.actions, self.world, assembly.latency_steps)
         """Takes the egos' actions."""
         self._schedule, self.recorder = assembly.schedule, assembly.recorder
+        self.change_start: Callable[[EpisodeStart], EpisodeStart] = lambda start: start
+        """Maps what the schedule gives to the episode that is played."""
         self._listeners = tuple(listeners)
         self._notes: list[DecisionNotes] = []
         self._requests = SocialAgentRequests(assembly) if assembly.policies else None
@@ -154,7 +156,8 @@ class SimulationRunner:
         """
         self._check_open()
         starts = {
-            row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
+            row: self.change_start(self._schedule.start(key.world, key.episode, key.seed))
+            for row, key in episodes.items()
         }
         for row, start in starts.items():
             self.starts[row] = start

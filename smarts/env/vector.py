@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, Unpack, cast
 
@@ -13,6 +13,7 @@ from smarts.agents.options import InterfaceError
 from smarts.env.actions import Own, arrays_of
 from smarts.env.grouped_runner import make_runner
 from smarts.env.groups import ALONE, AgentGroup, box_of, rewards_of
+from smarts.env.listeners import StepListener
 from smarts.env.runner import EpisodeKey, NotCopied, Transition
 from smarts.env.settings import Agents, EnvOptions, EnvSettings, check_keywords
 from smarts.env.vector_step import Block, Final, Ints, Spaces, VectorStep
@@ -154,6 +155,14 @@ class VectorHiWayEnv(NotCopied):
             failed=failed,
             metrics=metrics,
         )
+
+    def listen(self, listener: StepListener) -> None:
+        """Show every step to one more listener."""
+        self._runner.listen(listener)
+
+    def change_starts(self, change: Callable[[EpisodeStart], EpisodeStart]) -> None:
+        """Let every episode from now on begin as `change` returns it; agents and map have to stay."""
+        self._runner.change_start = change
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
         """Add values to the record of the next step; without a record, a no-op.

@@ -1,0 +1,100 @@
+"""Realism, by hand and against recordings whose drivers are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmark.metrics.realism import BINS, LEAST_SCENES, Features, collides, log_likelihoods, realism
+from benchmark.running.realism import measure_realism
+from smarts.recordings.tracks import write_tracks
+from tests.maps import straight as road
+from tests.tracks import straight, track_of, tracks_of
+from tests.unit.sstudio.sources import scenario, write_cross
+
+CAR = np.array([5.0, 2.0])
+INSTANTS = 51
+
+
+def driving(x, y, speed):
+    """Return poses of a vehicle that drives east, shape (1, T, 4)."""
+    along = x + speed * 0.1 * np.arange(INSTANTS)
+    return np.stack([along, *(np.full(INSTANTS, each) for each in (y, 0.0, speed))], axis=-1)[None]
+
+
+def test_likelihood_of_two_bins_by_hand():
+    values = {name: np.full((2, 8), edges[0]) for name, edges in BINS.items()}
+    simulated = values | {"speed": np.array([[3.0] * 8, [7.0] * 8])}
+    found = log_likelihoods(values | {"speed": np.full((1, 8), 3.0)}, simulated)
+    # One of 33 parts is spread over the 41 bins of speeds; half of the others is in the logged bin.
+    assert math.exp(found[0]) == pytest.approx(32 / 33 / 2 + 1 / 33 / 41)
+    assert math.exp(found[-1]) == pytest.approx(32 / 33 + 1 / 33 / 21)
+
+
+def test_realism_is_the_mean_of_the_features_and_needs_scenes():
+    likelihoods = np.log(np.tile([0.5, 0.1, 0.2, 0.4, 1.0, 0.2], (LEAST_SCENES, 1)))
+    found = realism(likelihoods)
+    assert [found["realism"], found["low"], found["high"], found["speed"]] == pytest.approx([0.4] * 3 + [0.5])
+    assert math.isnan(realism(likelihoods[1:])["realism"])
+
+
+def test_features_by_hand():
+    features = Features(road(2, 400.0))
+    other = [driving(25.0, 0.0, 7.0), driving(10.0, 3.2, 7.0), np.full((1, INSTANTS, 4), np.nan)]
+    others = features.motion(np.stack(other, axis=2), np.tile(CAR, (3, 1)))
+    own = features.motion(driving(5.0, 0.5, 10.0), CAR)
+    found = features.measure(own, others)
+    # The leader is 20 m ahead, bumper to bumper 15 m, and 3 m/s slower; the vehicle on the left is none.
+    assert found["leader_gap"][0, [0, 10]] == pytest.approx([15.0, 12.0])
+    assert found["time_to_collision"][0, [0, 10]] == pytest.approx([5.0, 4.0])
+    assert found["lane_offset"] == pytest.approx(0.5)
+    assert found["acceleration"].shape == (1, INSTANTS - 5)
+    for speed, hits in ((9.9, False), (10.1, True)):  # 15 m in 5 s are 3 m/s
+        assert collides(features.motion(driving(5.0, 0.5, speed), CAR), others).tolist() == [hits]
+
+
+@pytest.fixture(scope="module")
+def steady_and_changing(tmp_path_factory):
+    """Return a scenario whose vehicles keep their speeds, and one in which they change them."""
+    t = np.arange(0.0, 20.0, 0.1)
+    speed = 8.0 + 3.0 * np.sin(t)
+    x = -100.0 + 8.0 * t + 3.0 * (1.0 - np.cos(t))
+    wave = [
+        track_of(str(each), np.column_stack([t + 4.0 * each, x, 0 * t - 4.8, 0 * t, speed]))
+        for each in range(12)
+    ]
+    steady = [straight(str(each), 4.0 * each, 4.0 * each + 16.0, -100.0, -4.8, 10.0) for each in range(12)]
+    found = []
+    for tracks in (steady, wave):
+        folder = tmp_path_factory.mktemp("scenario") / "recorded"
+        write_cross(folder)
+        body = 'traffic={"recorded": t.Traffic([], engine="Recorded", recording=t.Recording("recording"))}'
+        folder.joinpath("scenario.py").write_text(scenario(body))
+        write_tracks(tracks_of(tracks), folder / "recording")
+        found.append(str(folder))
+    return found
+
+
+def by_name(*args, **given):
+    return {row.pop("driver"): row for row in measure_realism(*args, **given)}
+
+
+def test_what_drives_as_recorded_scores_as_the_log(steady_and_changing):
+    name = "smarts.zoo:non-interactive-v0"  # drives 10 m/s in its lane
+    found = by_name(steady_and_changing[0], policies=[name], rollouts=2)
+    log, constant, agent = found["log"], found["constant speed"], found[name]
+    assert log["scenes"] == agent["scenes"] >= LEAST_SCENES
+    assert (log["displacement"], log["collisions"]) == (0.0, 0.0)
+    assert constant == pytest.approx(log)
+    assert agent["displacement"] < 0.2
+    assert agent["realism"] == pytest.approx(log["realism"], abs=0.02)
+
+
+def test_the_log_is_the_ceiling(steady_and_changing):
+    found = by_name(steady_and_changing[1], rollouts=2)
+    log = found.pop("log")
+    assert found["SUMO"]["scenes"] >= LEAST_SCENES
+    for driver in found.values():
+        assert driver["high"] < log["low"]
+        assert all(driver[name] <= log[name] + 1e-9 for name in BINS)
+        assert driver["displacement"] > 0.5
