@@ -39,6 +39,7 @@ class Drive:
     outcome: Outcome = Outcome.NONE
     partner: int = -1
     """Number of the drive with which the vehicle collided."""
+    kind: int = 0
     route: Sequence[str] = ()
     desired_speed: float = 10.0
     acceleration: ArrayLike | None = None
@@ -104,6 +105,7 @@ def record(
         motion = _motion(graph, drive)
         for k, row in enumerate(motion):
             row |= dict(step=drive.begin + k, slot=slot, generation=1, route=number, **CAR)
+            row["kind"] = drive.kind
             row["owner"] = int(Owner.AGENT if drive.agent else Owner.TRAFFIC)
             rows["vehicles"].append(row)
         if drive.agent:

@@ -226,6 +226,13 @@ class EpisodeData:
         return self.column(self.agents["partner_slot"], self.agents["partner_generation"])
 
     @cached_property
+    def kind(self) -> Ints:
+        """A `VehicleKind` of each column of `motion`, shape (V,)."""
+        kind = np.zeros(len(self._keys[0]), np.int32)
+        kind[self._keys[1]] = self._vehicles["kind"]
+        return kind
+
+    @cached_property
     def driving(self) -> Bools:
         """When each agent drove, the instants of entry and end included, shape (T, A)."""
         driving = np.zeros((self.steps + 1, self.count), np.bool_)

@@ -3,9 +3,12 @@
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.measure import Columns, Measure, ended_by, ratio
 from smarts.types.events import Outcome
+from smarts.types.vehicles import VehicleKind
 
 
 def _measure(outcome: Outcome, column: str, episode: EpisodeData) -> Columns:
@@ -40,6 +43,25 @@ COLLISION_RATE = outcome_share(
     "collisions",
     name="collision_rate",
     label="Collision rate",
+)
+
+
+def _measure_vulnerable(episode: EpisodeData) -> Columns:
+    partner = np.append(episode.kind, -1)[episode.partner]
+    return {
+        "vulnerable_collisions": ended_by(episode, Outcome.COLLISION) * (partner >= VehicleKind.MOTORCYCLE)
+    }
+
+
+VULNERABLE_COLLISION_RATE = ratio(
+    "vulnerable_collisions",
+    is_count=True,
+    measure=_measure_vulnerable,
+    name="vulnerable_collision_rate",
+    label="Collisions with vulnerable road users",
+    meaning="share of agent-episodes that ended by a collision with a motorcycle, a bicycle or a pedestrian",
+    missing="no agent took part",
+    better="lower",
 )
 COMPLETION_RATE = outcome_share(
     Outcome.GOAL, "at the goal", "goals", name="completion_rate", label="Completion rate", better="higher"

@@ -38,6 +38,7 @@ METRICS = Registry(
         "competitive": "benchmark.metrics.competitive:METRIC",
         "progress_speed": "benchmark.metrics.agility:PROGRESS_SPEED",
         "at_fault_collision_rate": "benchmark.metrics.at_fault_collision_rate:METRIC",
+        "vulnerable_collision_rate": "benchmark.metrics.outcomes:VULNERABLE_COLLISION_RATE",
         "ended_off_road": "benchmark.metrics.outcomes:OFF_ROAD",
         "ended_off_route": "benchmark.metrics.outcomes:OFF_ROUTE",
         "ended_missed_goal": "benchmark.metrics.outcomes:MISSED_GOAL",

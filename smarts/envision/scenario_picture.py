@@ -41,11 +41,16 @@ FLOW = "#4c78a8"
 STOP = "#2ca02c"
 BUS = "#1b7f5c"
 TRUCK = "#4d4d4d"
-LARGE_VEHICLES = {
+CYCLE = "#0f9bb5"
+PEDESTRIAN = "#7b3fa0"
+COLOURS = {
     VehicleKind.BUS: BUS,
     VehicleKind.COACH: BUS,
     VehicleKind.TRUCK: TRUCK,
     VehicleKind.TRAILER: TRUCK,
+    VehicleKind.MOTORCYCLE: CYCLE,
+    VehicleKind.BICYCLE: CYCLE,
+    VehicleKind.PEDESTRIAN: PEDESTRIAN,
 }
 EGO_SIZE = (CAR_LENGTH, 2.0)
 MARGIN = 12.0
@@ -201,7 +206,7 @@ def draw_vehicles(axes: Axes, moment: Moment) -> None:
     states = moment.states
     egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
     rows = np.flatnonzero(states.alive)
-    colours = [egos.get(row, LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR)) for row in rows.tolist()]
+    colours = [egos.get(row, COLOURS.get(VehicleKind(states.kind[row]), CAR)) for row in rows.tolist()]
     x, y = states.position[rows].T
     places = x, y, states.heading[rows], states.length[rows], states.width[rows]
     for shapes in vehicle_shapes(*places, colours=colours, edge_width=0.3):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
-from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
+from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle, vehicle_names
 from smarts.dynamics.performance import Abilities
 from smarts.errors import SmartsError
 from smarts.geometry.binding import LateBound, bind
@@ -34,8 +34,8 @@ from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
 SUBSTEPS = 10
-TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
-"""Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
+TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind.name.lower() in vehicle_names()}
+"""Vehicle type of `smarts.dynamics` of each kind that agents can drive."""
 _IS_DRIVABLE = np.array([kind in TYPES for kind in VehicleKind])
 FASTEST_SIDEWAYS = 1.5
 """Lateral speed of the rear axle above which a vehicle is not taken over: an agent's vehicle begins without

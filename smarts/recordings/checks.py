@@ -94,9 +94,10 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
 
 
 def on_lanes(tracks: Tracks, roads: LaneGraph) -> Bools:
-    """Return which samples lie on lanes for motor vehicles, shape (N,)."""
+    """Return which samples lie on lanes for motor vehicles, or are pedestrians', shape (N,)."""
     found = lanes_of(np.column_stack([tracks.x, tracks.y]), tracks.heading, roads)
-    return (found.lane >= 0) & (found.distance <= roads.width[found.lane] / 2)
+    is_on = (found.lane >= 0) & (found.distance <= roads.width[found.lane] / 2)
+    return is_on | (tracks.kind[tracks.track] == VehicleKind.PEDESTRIAN)
 
 
 def _overlaps(tracks: Tracks, frame: Longs) -> _Pairs:
@@ -130,7 +131,7 @@ def _begun_together(tracks: Tracks, pairs: _Pairs, dt: float) -> Iterator[Findin
 def _of_pairs(tracks: Tracks, pairs: _Pairs, dt: float) -> Iterator[Finding]:
     if pairs:
         names = (f"{tracks.names[a]} and {tracks.names[b]} at {at * dt:g} s" for (a, b), at in pairs.items())
-        yield Finding("overlaps", f"{len(pairs)} pairs of vehicles, as {_first(names)}")
+        yield Finding("overlaps", f"{len(pairs)} pairs, as {_first(names)}")
 
 
 def _in_tracks(tracks: Tracks, on_lane: Bools, dt: float) -> Iterator[Finding]:
@@ -167,7 +168,7 @@ def _contents(tracks: Tracks, present: Longs, dt: float) -> str:
     way, time = np.hypot(np.diff(tracks.x), np.diff(tracks.y))[same].sum(), np.diff(tracks.t)[same].sum()
     entered = (tracks.t[tracks.start[:-1]] > dt / 2).sum()
     return (
-        f"{len(tracks)} vehicles ({', '.join(f'{count} {name}' for name, count in kinds.items())}), "
+        f"{len(tracks)} road users ({', '.join(f'{count} {name}' for name, count in kinds.items())}), "
         f"{tracks.facts['duration']} s at {dt:g} s; {present.mean():.1f} at once on average, "
         f"{present.max()} at most; {entered} enter during the recording; mean speed {way / time:.1f} m/s"
     )

@@ -20,6 +20,7 @@ from smarts.recordings.matching import lanes_of, routes_of
 from smarts.recordings.paths import Paths
 from smarts.recordings.tracks import RecordingError, Tracks
 from smarts.roads.lane_graph import LaneGraph
+from smarts.types.vehicles import VehicleKind
 
 NAME = "history-vehicle-"
 """Names of recorded vehicles begin so, as in SMARTS 2; the track's name follows."""
@@ -95,14 +96,20 @@ def make_log(tracks: Tracks, roads: LaneGraph, begin: float = 0.0, end: float = 
     if not parts:
         remedy = f"it was recorded from 0 to {tracks.t.max():g} s"
         raise RecordingError(f"no vehicle is recorded from {begin:g} to {end:g} s", remedy=remedy)
-    # Tracks whose next sample would have come after the end are cut off, the others leave.
-    pieces = [_path_of(part, roads, is_cut=last - part[-1, 0] < _step(part)) for _, part in parts]
+    # Tracks whose next sample would have come after the end are cut off, the others leave, and so do walkers.
     order = np.array([number for number, _ in parts])
+    walks = (tracks.kind[order] == VehicleKind.PEDESTRIAN).tolist()
+    pieces = [
+        _path_of(part, roads, is_cut=last - part[-1, 0] < _step(part) and not is_on_foot)
+        for (_, part), is_on_foot in zip(parts, walks, strict=True)
+    ]
     paths = _packed(pieces)._replace(**{name: getattr(tracks, name)[order] for name in _SHAPE})
     paths = paths._replace(headway=headways(paths))
     names = tuple(tracks.names[number] for number in order)
     position, heading = np.column_stack([paths.x, paths.y]), wrap_angle(paths.turn)
-    return Log(names, paths, routes_of(position, heading, paths.sample, roads))
+    routes = routes_of(position, heading, paths.sample, roads)
+    routes = (() if on_foot else route for route, on_foot in zip(routes, walks, strict=True))
+    return Log(names, paths, tuple(routes))
 
 
 _SHAPE = ("kind", "length", "width")

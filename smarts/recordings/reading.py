@@ -45,6 +45,8 @@ SIZES = {
     VehicleKind.TRUCK: (7.1, 2.4),
     VehicleKind.TRAILER: (16.5, 2.55),
     VehicleKind.MOTORCYCLE: (2.2, 0.9),
+    VehicleKind.BICYCLE: (1.6, 0.65),
+    VehicleKind.PEDESTRIAN: (0.215, 0.478),
 }
 """Length and width of a vehicle whose size was not recorded, by kind [m]: SUMO's defaults."""
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from smarts.geometry.compiling import kernel
 
-HEIGHTS = np.array([1.5, 3.0, 3.5, 3.5, 3.5, 1.5])
-"""Height of each `VehicleKind` [m]: car, bus, coach, truck, trailer, motorcycle with rider."""
+HEIGHTS = np.array([1.5, 3.0, 3.5, 3.5, 3.5, 1.5, 1.7, 1.719])
+"""Height of each `VehicleKind` [m]: car, bus, coach, truck, trailer, motorcycle and bicycle with rider,
+pedestrian."""
 
 
 @kernel

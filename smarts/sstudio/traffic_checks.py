@@ -20,7 +20,7 @@ from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
 
 ENGINES = (*TRAFFIC_ENGINES, "SMARTS")
-VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
+VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind if kind != VehicleKind.PEDESTRIAN)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
 DISTRIBUTIONS = (t.Distribution, t.UniformDistribution, t.TruncatedDistribution)
 LEAST = 1e-3

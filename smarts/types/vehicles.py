@@ -24,7 +24,7 @@ class Owner(enum.IntEnum):
 
 
 class VehicleKind(enum.IntEnum):
-    """What a vehicle is; names are those of `TrafficActor.vehicle_type`."""
+    """What a vehicle is; names are those of `TrafficActor.vehicle_type`, which does not have pedestrians."""
 
     PASSENGER = 0
     BUS = 1
@@ -32,6 +32,8 @@ class VehicleKind(enum.IntEnum):
     TRUCK = 3
     TRAILER = 4
     MOTORCYCLE = 5
+    BICYCLE = 6
+    PEDESTRIAN = 7
 
 
 STANDING = 0.5

@@ -29,6 +29,8 @@ _SIZES = {
     "truck": (7.1, 2.4),
     "trailer": (16.5, 2.55),
     "motorcycle": (2.2, 0.9),
+    "bicycle": (1.6, 0.65),
+    "pedestrian": (0.215, 0.478),
 }
 """Length and width of SUMO's vehicle classes [m]."""
 _DEFAULTS = {

@@ -14,6 +14,7 @@ from smarts.providers.recorded import following
 from smarts.providers.recorded.following import ACCEL, DECEL, HARDEST, is_driven
 from smarts.providers.recorded.state import Course, Entry, Recorded
 from smarts.recordings.gaps import place_at
+from smarts.types.vehicles import VehicleKind
 
 SLACK = 1e-6
 """Tolerance of comparisons of times [s]."""
@@ -27,6 +28,7 @@ Box = tuple[Pose, float, float]
 """Pose, half length, half width [m]."""
 _ON_LOG, _FOLLOWS = int(Course.ON_LOG), int(Course.FOLLOWS)
 _DELAYED, _DONE = int(Entry.DELAYED), int(Entry.DONE)
+_PEDESTRIAN = int(VehicleKind.PEDESTRIAN)
 
 
 @kernel
@@ -75,13 +77,19 @@ def find_new(n: Recorded, env_mask: Bools, rows: Ints, slots: Ints) -> int:
 
 
 @kernel
+def _keeps_log(n: Recorded, b: int, track: int) -> bool:
+    """Return whether a track's vehicle stays where the log has it: all in mode "log", and pedestrians."""
+    return not n.sims[b].reacts or n.paths.kind[track] == _PEDESTRIAN
+
+
+@kernel
 def _decide(n: Recorded, b: int, slot: int) -> None:
     """Write a vehicle's course and speed of the step."""
     car, sim = n.cars[b, slot], n.sims[b]
     now = sim.begin + n.step[b] * n.dt
     car.next_course = car.course
     if car.course == _ON_LOG:
-        if not sim.reacts:
+        if _keeps_log(n, b, car.track):
             return
         s = place_at(n.paths, car.track, now - n.dt)[4]
         is_over = now > n.paths.end[car.track] + SLACK and n.paths.is_cut[car.track]
@@ -163,7 +171,7 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
         if n.entry[b, track - sim.first] == _DONE:
             sim.oldest += track == sim.oldest
             continue
-        if not sim.reacts and paths.end[track] < now - SLACK:
+        if _keeps_log(n, b, track) and paths.end[track] < now - SLACK:
             n.entry[b, track - sim.first] = _DONE
             sim.dropped += 1
             continue
@@ -186,7 +194,7 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
 def _entry_pose(n: Recorded, b: int, track: int) -> tuple[float, float, float, float, float]:
     """Return x, y, heading, speed, arc length with which a vehicle enters: the log's, or its first."""
     sim = n.sims[b]
-    waits = sim.reacts and n.entry[b, track - sim.first] == _DELAYED
+    waits = n.entry[b, track - sim.first] == _DELAYED and not _keeps_log(n, b, track)
     now = n.paths.begin[track] if waits else sim.begin + n.step[b] * n.dt
     return place_at(n.paths, track, now)
 
@@ -195,6 +203,8 @@ def _entry_pose(n: Recorded, b: int, track: int) -> tuple[float, float, float, f
 def _can_brake(n: Recorded, b: int, track: int) -> bool:
     """Return whether a vehicle that enters brakes in time; in mode "log" only if it comes late."""
     sim, paths = n.sims[b], n.paths
+    if paths.kind[track] == _PEDESTRIAN:
+        return True
     is_late = n.entry[b, track - sim.first] == _DELAYED
     if not sim.reacts and not is_late:
         return True
@@ -241,7 +251,7 @@ def enter(n: Recorded, b: int, slot: int, track: int) -> None:
     sim, car = n.sims[b], n.cars[b, slot]
     x, y, heading, speed, s = _entry_pose(n, b, track)
     is_late = n.entry[b, track - sim.first] == _DELAYED
-    car.course = _FOLLOWS if sim.reacts and is_late else _ON_LOG
+    car.course = _FOLLOWS if is_late and not _keeps_log(n, b, track) else _ON_LOG
     car.generation, car.track = n.vehicles.generation[b, slot], track
     following.join(n, b, slot, track, s, 0.0, 0.0)
     n.entry[b, track - sim.first] = _DONE

@@ -19,7 +19,7 @@ KINDS = {
     **dict.fromkeys(("car", "taxi", "priorityVehicle", "parkedVehicle"), VehicleKind.PASSENGER),
     "bus": VehicleKind.BUS,
     "truck": VehicleKind.TRUCK,
-    **dict.fromkeys(("motorcycle", "bicycle"), VehicleKind.MOTORCYCLE),
+    **{kind.name.lower(): kind for kind in VehicleKind if kind >= VehicleKind.MOTORCYCLE},
 }
 """Type of an obstacle -> kind; others become no tracks."""
 
@@ -42,17 +42,15 @@ def read(source: Source) -> Tracks:
             remedy="write it again with a version of commonroad-io that writes this format",
         )
     lost = [name for tag, name in _NOT_READ.items() for _ in root.iterfind(tag)]
-    tracks, bicycles, dt = [], 0, float(root.attrib["timeStepSize"])
+    tracks, dt = [], float(root.attrib["timeStepSize"])
     for obstacle in root.iterfind("dynamicObstacle"):
         kind = obstacle.findtext("type", "")
-        bicycles += kind == "bicycle"
         if kind in KINDS:
             tracks.append(_track(obstacle, KINDS[kind], dt))
         else:
             lost.append(kind)
     origin = [root.get(name, "") for name in ("author", "affiliation", "source")]
     facts = {"name": root.get("benchmarkID", ""), "attribution": "; ".join(filter(None, origin))}
-    facts |= {"assumed": f"{bicycles} bicycles are motorcycles"} if bicycles else {}
     return Tracks.of(tracks, facts | left_out(lost))
 
 

@@ -9,6 +9,7 @@ from benchmark.metrics.registry import METRICS
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import ChangePhase
 from smarts.types.events import Outcome
+from smarts.types.vehicles import VehicleKind
 from tests.measuring import ROAD, following, sums, term, totals, value
 from tests.recordings import DT, Drive, at_speed, at_speeds, episode_of
 
@@ -255,3 +256,15 @@ def test_generalization_is_the_smaller_of_two_ratios():
     assert measure.value(found | {"held_out_collisions": 30.0}) == pytest.approx(0.4 / 0.9)
     assert np.isnan(measure.value(found | {"train_goals": 49.0}))
     assert np.isnan(measure.value(found | {"held_out_agents": 0.0}))
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [(VehicleKind.TRUCK, 0.0), (VehicleKind.BICYCLE, 1.0), (VehicleKind.PEDESTRIAN, 1.0)]
+)
+def test_collisions_with_vulnerable_road_users(tmp_path, kind, count):
+    own = Drive(
+        ["road_0"], at_speed(5.0, 10), agent="a", outcome=Outcome.COLLISION, partner=1, route=["road"]
+    )
+    episode = episode_of(tmp_path, ROAD, own, Drive(["road_0"], at_speed(0.0, 10, 10.0), kind=int(kind)))
+    assert value("vulnerable_collision_rate", episode) == count
+    assert value("collision_rate", episode) == 1.0

@@ -5,17 +5,16 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from smarts.providers.vehicle import FleetVehicles
+from smarts.providers.vehicle import TYPES, FleetVehicles
 from smarts.types.actions import CommandMode, Commands
 from smarts.types.mission import AgentMission
-from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.worlds import Car, world_of
 
 STEPS = 150
 FASTEST = 500.0
 """Upper bound of the speed after `STEPS` steps with any engine [m/s]."""
-KINDS = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
+KINDS = [*TYPES]
 
 
 def _extremes(commands, step, draws):

@@ -374,3 +374,17 @@ def test_headways_are_the_tracks_own():
     assert found["ahead"] == 1.0
     assert headway(9.0).paths.headway[names.index("own")] == 0.5
     assert headway(38.0).paths.headway[names.index("own")] == 2.0
+
+
+def test_pedestrians_stay_on_their_log_and_vehicles_brake_for_what_stands(play):
+    size = {"length": 0.3, "width": 0.5}
+    walker = straight("walker", 0.0, 18.0, 100.0, 0.0, 1.0, kind=VehicleKind.PEDESTRIAN, **size)
+    cyclist = straight("cyclist", 0.0, 18.0, 60.0, 3.2, 3.0, kind=VehicleKind.BICYCLE, **size)
+    play.reset(play.log([walker, cyclist]), mode="reactive", agents=[(110.0, 0.0), (110.0, 3.2)])
+    for step in range(181):
+        assert play.state("walker")[0] == pytest.approx(100.0 + 0.1 * step)  # through the standing car
+        play.step()
+    assert 107.5 - 5.0 < play.state("cyclist")[0] < 107.5
+    assert play.state("walker") is None  # vehicles that the recording cuts off drive on
+    kinds = play.vehicles.kind[0][play.vehicles.alive[0]].tolist()
+    assert VehicleKind.BICYCLE in kinds

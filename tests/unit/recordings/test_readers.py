@@ -39,17 +39,20 @@ def test_commonroad(tmp_path):
         tmp_path / "x.xml",
         obstacle("10", "car", CAR),
         obstacle("11", "truck", [(6, 1, 4, 0, 2), (7, 3, 4, 0.1, 2)], shape=circle),
-        obstacle("12", "pedestrian", CAR),
+        obstacle("12", "pedestrian", CAR, shape=""),
+        obstacle("13", "bicycle", CAR),
+        obstacle("14", "train", CAR),
         "<trafficLight/><trafficLight/>",
         dt=0.2,
     )
     tracks = read(Source(file))
-    assert tracks.names == ("10", "11")
-    assert tracks.kind.tolist() == [VehicleKind.PASSENGER, VehicleKind.TRUCK]
-    assert (tracks.length.tolist(), tracks.width.tolist()) == ([4, 3], [2, 3])
+    assert tracks.names == ("10", "12", "13", "11")
+    kinds = VehicleKind.PASSENGER, VehicleKind.PEDESTRIAN, VehicleKind.BICYCLE, VehicleKind.TRUCK
+    assert tracks.kind.tolist() == [*kinds]
+    assert (tracks.length.tolist(), tracks.width.tolist()) == ([4, 0.215, 4, 3], [2, 0.478, 2, 3])
     assert samples(tracks, "10") == pytest.approx(np.array([[0, 1, 2, 0.5, 4], [0.2, 1.4, 2, 0.5, 4.5]]))
     assert samples(tracks, "11") == pytest.approx(np.array([[0.2, 1, 4, 0, 2], [0.4, 3, 4, 0.1, 2]]))
-    facts = {"name": "X-1", "attribution": "S", "left_out": "traffic light (2), pedestrian (1)"}
+    facts = {"name": "X-1", "attribution": "S", "left_out": "traffic light (2), train (1)"}
     assert tracks.facts.items() >= (facts | {"time_step": "0.2", "duration": "0.4"}).items()
 
 
@@ -85,16 +88,16 @@ def test_floating_car_data_of_sumo(tmp_path):
     """A car (5 m) drives east, a truck (7.1 m) north."""
     steps = "".join(
         f'<timestep time="{t}"><vehicle id="a" x="{5 + t * 10}" y="2" angle="90" type="slow" speed="10"/>'
-        f'<vehicle id="b" x="1" y="{8 + t * 5}" angle="0" type="my_truck" speed="5"/><person id="p" x="0"/>'
-        "</timestep>"
+        f'<vehicle id="b" x="1" y="{8 + t * 5}" angle="0" type="my_truck" speed="5"/>'
+        f'<person id="p" x="1" y="2" angle="180" speed="0"/></timestep>'
         for t in (7.0, 7.5, 8.0)
     )
     (tmp_path / "out.xml").write_text(f"<fcd-export>{steps}</fcd-export>")
     tracks = read(Source(tmp_path / "out.xml"))
     assert samples(tracks, "a")[1] == pytest.approx([0.5, 80 - 2.5, 2, 0, 10])
     assert samples(tracks, "b")[2] == pytest.approx([1.0, 1, 48 - 3.55, np.pi / 2, 5])
-    assert tracks.length.tolist() == [5.0, 7.1]
-    assert tracks.facts["left_out"] == "person (1)"
+    assert tracks.length.tolist() == [5.0, 7.1, 0.215]
+    assert tracks.kind.tolist() == [VehicleKind.PASSENGER, VehicleKind.TRUCK, VehicleKind.PEDESTRIAN]
 
 
 def test_own_episodes(tmp_path):

@@ -18,8 +18,8 @@ from smarts.observations.surroundings import Lane, Own
 from smarts.observations.u_turn import POINTS as TURN_POINTS
 from smarts.observations.u_turn import TURN_LANE, TURN_STATE
 from smarts.planners import PlanStatus, resample
+from smarts.providers.vehicle import TYPES
 from smarts.types.agent_states import AgentStatus
-from smarts.types.vehicles import VehicleKind
 from smarts.zoo import make_agent
 from smarts.zoo.lane_frames import to_lane, to_map
 from smarts.zoo.planned import agilities, neighbours_of, plan_paths
@@ -140,7 +140,7 @@ def test_lane_changes_on_fast_roads():
 
 
 def test_vehicles_keep_the_agility_of_their_kind():
-    known = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
+    known = [*TYPES]
     lengths = np.array([vehicle(kind.name.lower()).length for kind in known])
     assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
 

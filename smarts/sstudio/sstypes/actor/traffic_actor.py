@@ -41,7 +41,7 @@ class TrafficActor(Actor):
     max_speed: float = 55.5
     """The vehicle's top speed [m/s]."""
     vehicle_type: str = "passenger"
-    """"passenger", "bus", "coach", "truck", "trailer" or "motorcycle"."""
+    """"passenger", "bus", "coach", "truck", "trailer", "motorcycle" or "bicycle"."""
     lane_changing_model: LaneChangingModel = field(default_factory=LaneChangingModel)
     """The driver's lane-changing model."""
     junction_model: JunctionModel = field(default_factory=JunctionModel)

@@ -176,7 +176,64 @@ const MOTORCYCLE = new Shape(2.2, 0.9, 1.45, (cycle) =>
     .lights([0.44, 0.6], 0.42, -0.44, 0.3),
 );
 
-export const SHAPES: readonly Shape[] = [CAR, bus(12, 0.42), bus(12.5, 0.5), TRUCK, TRAILER, MOTORCYCLE];
+const BICYCLE = new Shape(1.6, 0.65, 1.7, (cycle) =>
+  cycle
+    .box(Part.Tyre, [-0.5, -0.12], [-0.06, 0.06], [0, 0.38])
+    .box(Part.Tyre, [0.12, 0.5], [-0.06, 0.06], [0, 0.38], [0.31, 0])
+    .box(Part.Body, [-0.3, 0.3], [-0.07, 0.07], [0.3, 0.42])
+    .box(Part.Tyre, [0.24, 0.3], [-0.45, 0.45], [0.58, 0.62])
+    .loft(
+      [
+        [0.5, -0.22, 0.08, 0.32, 0.2],
+        [0.84, -0.08, 0.16, 0.38, 0.2],
+      ],
+      [Part.Body],
+      Part.Body,
+    )
+    .loft(
+      [
+        [0.84, -0.04, 0.14, 0.2, 0.14],
+        [1, 0.0, 0.12, 0.16, 0.12],
+      ],
+      [Part.Glass],
+      Part.Glass,
+    )
+    .lights([0.44, 0.5], 0.3, -0.3, 0.2),
+);
+
+const PEDESTRIAN = new Shape(0.45, 0.5, 1.719, (person) =>
+  person
+    .box(Part.Tyre, [-0.25, 0.25], [-0.3, -0.04], [0, 0.48])
+    .box(Part.Tyre, [-0.25, 0.25], [0.04, 0.3], [0, 0.48])
+    .loft(
+      [
+        [0.46, -0.36, 0.36, 0.4, 0.3],
+        [0.82, -0.4, 0.4, 0.5, 0.3],
+      ],
+      [Part.Body],
+      Part.Body,
+    )
+    .loft(
+      [
+        [0.84, -0.3, 0.3, 0.22, 0.2],
+        [1, -0.26, 0.26, 0.18, 0.18],
+      ],
+      [Part.Glass],
+      Part.Glass,
+    )
+    .lights([0.6, 0.64], 0.3, -0.4, 0.1),
+);
+
+export const SHAPES: readonly Shape[] = [
+  CAR,
+  bus(12, 0.42),
+  bus(12.5, 0.5),
+  TRUCK,
+  TRAILER,
+  MOTORCYCLE,
+  BICYCLE,
+  PEDESTRIAN,
+];
 
 /** The shape of a VehicleKind. */
 export const shapeOf = (kind: number): number => (kind >= 0 && kind < SHAPES.length ? kind : 0);
