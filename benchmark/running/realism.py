@@ -130,11 +130,13 @@ def _played_by(
     """Yield what happens in each window while a policy drives one vehicle at a time."""
     scenes = [(window, column) for window in windows for column in window.scenes]
     env, driver = _driver(policy, scenario, traffic)
-    recorded = _Poses(env, len(scenes) * rollouts)
+
+    def scene(start: EpisodeStart) -> tuple[Window, int]:
+        return scenes[start.world // rollouts % len(scenes)]
+
+    recorded = Poses(env, len(scenes) * rollouts, scene, log)
     env.listen(recorded)
-    env.change_starts(
-        lambda start: _in_place_of(start, *scenes[start.world // rollouts % len(scenes)], log, roads)
-    )
+    env.change_starts(lambda start: in_place_of(start, *scene(start), log, roads))
     with closing(env):
         play_together(env, [(driver, np.ones(1, np.bool_))], range(len(recorded.pose)))
     poses = iter(recorded.pose.reshape(len(scenes), rollouts, INSTANTS, 4))
@@ -162,8 +164,8 @@ def _driver(policy: str, scenario: str, traffic: str) -> tuple[VectorHiWayEnv, D
     return env, AgentDriver(agent, env)
 
 
-def _in_place_of(
-    start: EpisodeStart, window: Window, column: int, log: Log, roads: LaneGraph
+def in_place_of(
+    start: EpisodeStart, window: Window, column: int, log: Log, roads: LaneGraph, mode: str = "log"
 ) -> EpisodeStart:
     """Return an episode in which the agent begins in the place of a recorded vehicle, on its route.
 
@@ -187,19 +189,31 @@ def _in_place_of(
         take_over=None,
     )
     recording: Any = start.traffic.recording
-    recording = replace(recording, mode="log", begin=window.begin, latest=window.begin)
-    return replace(start, agents=(agent,), traffic=replace(start.traffic, recording=recording))
+    recording = replace(recording, mode=mode, begin=window.begin, latest=window.begin)
+    traffic = replace(start.traffic, recording=recording)
+    return replace(start, agents=(agent,), traffic=traffic, clears=False)
 
 
-class _Poses:
-    """Keeps the poses of the agent in the first worlds; see `StepListener`."""
+class Poses:
+    """Keeps the agent's poses in the first worlds, and gives it the recorded path; see `StepListener`."""
 
-    def __init__(self, env: VectorHiWayEnv, worlds: int) -> None:
-        self._env, self.pose = env, np.full((worlds, INSTANTS, 4), np.nan)
+    def __init__(
+        self,
+        env: VectorHiWayEnv,
+        worlds: int,
+        scene: Callable[[EpisodeStart], tuple[Window, int]],
+        log: Log,
+    ) -> None:
+        self._env, self._scene, self._log = env, scene, log
+        self.pose = np.full((worlds, INSTANTS, 4), np.nan)
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Keep the poses of a step."""
         vehicles, slot = frame.world.vehicles, frame.world.agents.slot[:, 0]
+        for row, start in frame.starts.items():
+            window, column = self._scene(start)
+            key = row, int(slot[row]), int(vehicles.generation[row, slot[row]])
+            frame.world.paths[key] = self._log.paths.points(window.tracks[column])
         number = np.array([start.world for start in self._env.episodes])
         rows = np.flatnonzero(frame.env_mask & (slot >= 0) & (number < len(self.pose)))
         columns = vehicles.position, vehicles.heading[..., None], vehicles.speed[..., None]

@@ -64,9 +64,11 @@ class Entries:
         self._wait(row, waiting)
 
     def clear_way(self, row: int) -> None:
-        """Clear traffic that blocks agents' spawns; requires map matching."""
+        """Clear traffic that blocks agents' spawns, if the episode says so; requires map matching."""
+        start = self.episodes[row]
         for slot in np.flatnonzero(self._world.vehicles.owner[row] == Owner.AGENT).tolist():
-            self._clear_around(row, slot)
+            if start is not None and start.clears:
+                self._clear_around(row, slot)
 
     def enter(self, env_mask: Bools) -> None:
         """Let in the agents whose time has come; give routes to those that have just taken over a vehicle."""

@@ -87,6 +87,8 @@ class EpisodeStart:
     """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE
     """Name among `TRAFFIC_ENGINES` of the one that drives the traffic."""
+    clears: bool = True
+    """Whether traffic that is too near to agents when it begins is removed."""
     bubbles: tuple[PlacedBubble, ...] = field(default=(), compare=False)
     """The scenario's bubbles on its map, in the order of its file."""
     room: tuple[int, ...] | None = None

@@ -1,10 +1,12 @@
 """Realism, by hand and against recordings whose drivers are known."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
+import perf.recorded_brakes
 from benchmark.metrics.realism import BINS, LEAST_SCENES, Features, collides, log_likelihoods, realism
 from benchmark.running.realism import measure_realism
 from smarts.recordings.tracks import write_tracks
@@ -98,3 +100,12 @@ def test_the_log_is_the_ceiling(steady_and_changing):
         assert driver["high"] < log["low"]
         assert all(driver[name] <= log[name] + 1e-9 for name in BINS)
         assert driver["displacement"] > 0.5
+
+
+def test_collisions_of_a_braking_agent_are_the_oracles(steady_and_changing, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["recorded_brakes", steady_and_changing[0]])
+    perf.recorded_brakes.main()
+    log, difference, reactive = capsys.readouterr().out.splitlines()
+    assert int(log.split()[3]) > 10, log
+    assert difference == "they differ in 0"
+    assert int(reactive.split()[3]) == 0
