@@ -2,6 +2,7 @@
 
     python -m perf.handovers                                     # 10,000 hand-overs, all scenarios and models
     python -m perf.handovers --handovers 200 --scenarios city --models kinematic
+    python -m perf.handovers --handovers 300 --scenarios FOLDER  # with recorded traffic, in place of SUMO's
 
 Vehicles of mixed traffic (cars, buses, trucks) are taken over wherever they are, driven by the fallback
 controller for 1 to 8 s, and handed back as soon as the gate opens. Beside each run plays another
@@ -274,7 +275,8 @@ def run_scenario(
     safety = safety or Safety()
     interface = AgentInterface(action=ActionSpaceType.Lane, vehicle_model=model, done_criteria=NO_ENDS)
     made, episode = 0, 0
-    built = build_scenario(name).with_traffic(["random_social_vehicles"])
+    built = build_scenario(name)
+    built = built.with_traffic(sorted(built.traffic, key="random_social_vehicles".__ne__)[:1])
     parts = assemble([built], [], pool=[PooledAgents(interface, HELD)], worlds=1, seed=seed)
     try:
         while made < handovers:

@@ -50,7 +50,7 @@ def test_a_recording_with_its_map_becomes_a_scenario(importing, tmp_path):
         "scenario.py",
         "tracks.parquet",
     ]
-    assert "2 vehicles (2 passenger), 5.9 s at 0.1 s" in text
+    assert "2 road users (2 passenger), 5.9 s at 0.1 s" in text
     assert "1 enter during the recording" in text
     assert "map: 100.00% of the positions" in text
     assert "nothing implausible" in text
