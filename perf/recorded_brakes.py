@@ -35,7 +35,8 @@ AGENT = "smarts.zoo:non-interactive-v0"
 def braked(folder: str, mode: str) -> tuple[list[tuple[Window, int]], np.ndarray, np.ndarray, Features]:
     """Return scenes, the agent's poses in them, shape (C, T, 4), and whether it collided, shape (C,)."""
     built = build_scenario(folder)
-    ((traffic, recording),) = ((name, files.recording) for name, files in built.traffic.items())
+    found = [(name, files.recording) for name, files in built.traffic.items() if files.recording]
+    traffic, recording = found[0]
     log, roads = Log.load(recording.log), built.roads()
     scenes = [(window, column) for window in windows_of(log, recording.begin) for column in window.scenes]
     agent, interface = batch_agent(AGENT, speed=0.0)

@@ -40,7 +40,15 @@ IN_OWN_PROCESS = {
     ],
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
-ELSEWHERE = {"gpu_learner", "imitation", "native_film", "real_maps", "recorded", "recorded_brakes", "yardsticks"}
+ELSEWHERE = {
+    "gpu_learner",
+    "imitation",
+    "native_film",
+    "real_maps",
+    "recorded",
+    "recorded_brakes",
+    "yardsticks",
+}
 """Scripts that take minutes, have their own tests, or draw a picture of a page."""
 
 
