@@ -1,6 +1,7 @@
-"""Write the tables of version 1 in README.md and docs/guide/benchmark_v1.md from the committed results.
+"""Write the tables of README.md and of the versions' pages from the committed results.
 
-    smarts-bench report results/benchmark_v1 && python results/tables.py [--check]
+    smarts-bench report results/benchmark_v1 && smarts-bench report results/benchmark_v2
+    python results/tables.py [--check]
 
 A table stands between the lines "<!-- table NAME -->" and "<!-- end of table -->". With `--check` nothing is
 written; exit code 1 if a file has another table than the results, 2 if it lacks one of these lines.
@@ -19,7 +20,11 @@ from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
-FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes",)}
+FILES = {
+    "README.md": ("paper", "unseen"),
+    "docs/guide/benchmark_v1.md": ("modes",),
+    "docs/guide/benchmark_v2.md": ("conditions",),
+}
 """File -> its tables."""
 TASKS, ALONE, SOCIAL = (
     ("two_way", "double_merge", "intersection"),
@@ -42,6 +47,16 @@ ALGORITHMS = {
     "maddpg": "MADDPG",
 }
 RULES = "gap_acceptance"
+CONDITIONS = HERE / "benchmark_v2" / "report" / "conditions.csv"
+UNSEEN = {
+    "crossings": "intersections, SV",
+    "double_merges": "double merges, SV",
+    "two_ways": "two-way, SV",
+    "on_ramps": "on-ramps, SV",
+    "roundabout": "roundabout, SV",
+    "left_turns": "left turns of version 1, SV",
+}
+"""Conditions of version 2 in README."""
 BEGIN, END = "<!-- table ", "<!-- end of table -->"
 
 Values = dict[tuple[str, str, str, str, str], dict[str, str]]
@@ -99,7 +114,33 @@ def modes_table(values: Values) -> Iterable[Sequence[str]]:
         yield (label, *("; ".join(filter(None, each)) for each in parts))
 
 
-TABLES = {"paper": paper_table, "modes": modes_table}
+def conditions() -> dict[str, dict[str, dict[str, str]]]:
+    """Return the rows of version 2's tests by policy and condition."""
+    found: dict[str, dict[str, dict[str, str]]] = {}
+    with CONDITIONS.open(newline="") as file:
+        for row in csv.DictReader(file):
+            found.setdefault(row["algorithm"], {})[row["played"]] = row
+    return found
+
+
+def unseen_table(_: Values) -> Iterable[Sequence[str]]:
+    """Yield rows of collision and completion rates on maps that no training has seen."""
+    yield ("", *UNSEEN.values())
+    for algorithm, rows in conditions().items():
+        rates = [[rows[name][rate].split()[0] for rate in ("collision", "completion")] for name in UNSEEN]
+        yield (algorithm, *(" / ".join(each) for each in rates))
+
+
+def conditions_table(_: Values) -> Iterable[Sequence[str]]:
+    """Yield a row for each condition of version 2, with intervals."""
+    yield ("", "condition", "completion", "collision", "at fault", "share of agents that meet")
+    for algorithm, rows in conditions().items():
+        for name, row in rows.items():
+            rates = [row[each] for each in ("completion", "collision", "at fault")]
+            yield (algorithm, name, *rates, row["meet"].partition(" ")[0])
+
+
+TABLES = {"paper": paper_table, "modes": modes_table, "unseen": unseen_table, "conditions": conditions_table}
 
 
 def lines_of(name: str, values: Values) -> str:

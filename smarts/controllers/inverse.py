@@ -97,7 +97,7 @@ def _lane_and_speed(motion: Motion) -> tuple[Floats, Floats]:
     # The distance to a target speed that is held goes to 0 exponentially.
     reached = 1.0 - math.exp(-SPEED_GAIN * motion.time)
     before, after = motion.speed
-    wanted = np.column_stack([before + (after - before) / reached, motion.side])
+    wanted = np.stack([before + (after - before) / reached, motion.side.astype(float)], axis=1)
     actions = _within(ActionSpaceType.LaneWithContinuousSpeed, wanted)
     return actions, _residual(motion, before + reached * (actions[:, 0] - before))
 

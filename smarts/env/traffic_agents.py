@@ -43,7 +43,7 @@ MOST_AGENTS = 256
 class Decision(NamedTuple):
     """What the agents that decide now see."""
 
-    hold: Ints
+    hold: NDArray[np.int64]
     """Number of each agent's time with its vehicle, shape (N,), as the others."""
     agent_id: Ints
     slot: Ints
