@@ -32,7 +32,7 @@ class ReferencePolicy:
         found = sorted((folder / "learner_group/learner/rl_module").glob("*/class_and_ctor_args.pkl"))
         described = {file.parent: cloudpickle.loads(file.read_bytes()) for file in found}
         made = {
-            place.name: _module(place, given)
+            place.name: restored(given, cloudpickle.loads((place / "module_state.pkl").read_bytes()))
             for place, given in described.items()
             if not issubclass(given["class"], LearnerModule)
         }
@@ -54,11 +54,12 @@ class ReferencePolicy:
         return head.distribution(torch.cat(outputs, 1), torch.cat(masks, 1) if masks else None)
 
 
-def _module(folder: Path, described: Mapping[str, Any]) -> Any:
+def restored(described: Mapping[str, Any], state: Mapping[str, Any]) -> Any:
+    """Return a network as a checkpoint describes it, with its weights."""
     given = described["ctor_args_and_kwargs"][1]
     wanted = {key: given[key] for key in ("observation_space", "action_space", "model_config")}
     module = described["class"](**wanted, inference_only=True)
-    module.set_state(cloudpickle.loads((folder / "module_state.pkl").read_bytes()))
+    module.set_state(state)
     return module
 
 

@@ -57,6 +57,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
     yield from _by_task(experiment)
     yield from _budgets(experiment)
     yield from _starts(experiment)
+    yield from _demonstrations(experiment)
     yield from _loggers(experiment)
     yield from _settings(experiment, algorithms)
     yield from _search(experiment, algorithms)
@@ -106,6 +107,14 @@ def _starts(experiment: Experiment) -> Iterator[Fault]:
         key = "tasks", number, "start_from"
         if task.start_from and experiment.benchmark_version is not None:
             yield Fault(key, "trainings of a benchmark version begin without weights", "leave it out")
+
+
+def _demonstrations(experiment: Experiment) -> Iterator[Fault]:
+    """Yield the missing demonstrations of behavioural cloning."""
+    parts = [part for layers in _layers(experiment) for _, part in layers]
+    if "bc" in experiment.algorithms and not any(part.settings.get("bc", {}).get("data") for part in parts):
+        remedy = "give the file that `smarts-bench demonstrations` wrote"
+        yield Fault(("settings", "bc", "data"), "is missing", remedy)
 
 
 def _loggers(experiment: Experiment) -> Iterator[Fault]:

@@ -10,6 +10,8 @@ from benchmark.metrics.measure import Columns, Measure, ended_by, ratio
 from smarts.types.events import Outcome
 from smarts.types.vehicles import VehicleKind
 
+VULNERABLE = [VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE, VehicleKind.PEDESTRIAN]
+
 
 def _measure(outcome: Outcome, column: str, episode: EpisodeData) -> Columns:
     return {column: ended_by(episode, outcome)}
@@ -47,20 +49,23 @@ COLLISION_RATE = outcome_share(
 
 
 def _measure_vulnerable(episode: EpisodeData) -> Columns:
-    partner = np.append(episode.kind, -1)[episode.partner]
+    is_vulnerable = np.isin(np.append(episode.kind, -1), VULNERABLE)
+    hit = ended_by(episode, Outcome.COLLISION) * is_vulnerable[episode.partner]
     return {
-        "vulnerable_collisions": ended_by(episode, Outcome.COLLISION) * (partner >= VehicleKind.MOTORCYCLE)
+        "vulnerable_collisions": hit,
+        "agents_among_vulnerable": np.full(len(hit), float(is_vulnerable.any())),
     }
 
 
 VULNERABLE_COLLISION_RATE = ratio(
     "vulnerable_collisions",
+    "agents_among_vulnerable",
     is_count=True,
     measure=_measure_vulnerable,
     name="vulnerable_collision_rate",
     label="Collisions with vulnerable road users",
-    meaning="share of agent-episodes that ended by a collision with a motorcycle, a bicycle or a pedestrian",
-    missing="no agent took part",
+    meaning="share of agent-episodes with cycles or pedestrians that ended by a collision with one of them",
+    missing="there was none",
     better="lower",
 )
 COMPLETION_RATE = outcome_share(

@@ -21,12 +21,11 @@ from algorithms.networked_q import NetworkedQModule
 from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.runs import TEST, VERSION, Run
+from benchmark.experiment.runs import DEMONSTRATIONS, TEST, VERSION, Run
 from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
-from smarts.env.demonstrations import about
 from smarts.errors import SmartsError
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
@@ -97,7 +96,7 @@ def export_policy(
     run_folder = RunFolder(path)
     run = read_run(run_folder, imports)
     content, weights = described(run, checked_modules(run, run_folder.kept(checkpoint)))
-    provenance = "; ".join([f"{run}, {checkpoint} checkpoint", *learned_from(run)])
+    provenance = "; ".join([f"{run}, {checkpoint} checkpoint", *learned_from(run, run_folder)])
     level = ALGORITHMS[run.algorithm].level if run.algorithm in ALGORITHMS else ""
     title = f"The agent {locator}: {provenance}".replace('"', "'").replace("\\", "/")
     text = MODULE.format(
@@ -116,12 +115,16 @@ def export_policy(
     return folder
 
 
-def learned_from(run: Run) -> list[str]:
-    """Return where the demonstrations come from that a policy has learned from, and their licence."""
-    data = run.settings.get("data")
-    if not data or not Path(data).exists():
-        return []
-    said = about(data)
+def learned_from(run: Run, folder: RunFolder) -> list[str]:
+    """Return where the demonstrations come from that a policy has learned from, and their licence.
+
+    They may be those of the run that it began with, or keeps near to.
+    """
+    said = folder.facts().get(DEMONSTRATIONS)
+    if said is None:
+        origin = run.task_setting.task.start_from or run.settings.get("kl_to")
+        other = RunFolder(Path(origin or ""))
+        return learned_from(read_run(other), other) if origin and other.config.exists() else []
     named = {"data": said.get("name") or said.get("scenario"), **said}
     return [f"{key}: {named[key]}" for key in ("data", "attribution", "licence") if named.get(key)]
 

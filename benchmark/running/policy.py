@@ -17,6 +17,7 @@ from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointStep, VectorJ
 from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.policies import Policies
+from algorithms.joint.reference import restored
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import SPEC, JointSpec
@@ -80,11 +81,8 @@ def _for_agents(run: Run, made: Mapping[str, Any], config: Any, place: str) -> d
 
 def _module(folder: Path, described: Mapping[str, Any]) -> Any:
     """Return a network, as it is described, with the weights of a checkpoint."""
-    named = described["ctor_args_and_kwargs"][1]
-    wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
     with _quiet():
-        module = described["class"](**wanted, inference_only=True)
-    module.set_state(unpickled(folder / "module_state.pkl"))
+        module = restored(described, unpickled(folder / "module_state.pkl"))
     module.eval()
     return module
 

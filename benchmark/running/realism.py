@@ -71,6 +71,9 @@ def measure_realism(
     (traffic, recording), roads, features = found[0], built.roads(), Features(built.roads())
     log = Log.load(recording.log)
     windows = [*windows_of(log, recording.begin)]
+    if not windows:
+        problem = "no vehicle of its recorded traffic is there for 5 s"
+        raise SmartsError(problem, place=scenario, remedy="give a longer recording")
 
     def alone(drive: Callable[[Log, Window, int, LaneGraph], Floats]) -> Iterator[Played]:
         return ((lambda column, w=w: drive(log, w, column, roads), w.pose[None]) for w in windows)

@@ -17,6 +17,7 @@ from benchmark.metrics.realism import STEP
 from smarts.arrays import Floats
 from smarts.dynamics.car_following import idm_interaction
 from smarts.geometry.binding import bind
+from smarts.geometry.frames import wrap_angle
 from smarts.providers.recorded.following import ACCEL, DECEL, HARDEST
 from smarts.providers.traffic_engines import traffic_of
 from smarts.providers.vehicle import TYPES
@@ -80,12 +81,15 @@ def constant_speed(log: Log, window: Window, column: int, roads: LaneGraph) -> F
 
 def idm(log: Log, window: Window, column: int, roads: LaneGraph) -> Floats:
     """Return those of the intelligent driver model at the speed limit along the path, shape (1, T, 4)."""
-    track, halves = window.tracks[column], 0.5 * window.size
-    lanes = lanes_of(window.pose[:, column, :2], window.pose[:, column, 2].copy(), roads).lane
-    limit, gap_to = roads.speed_limit[lanes].tolist(), bind(gap_on_path, log.paths)
+    track, halves, paths = window.tracks[column], 0.5 * window.size, log.paths
+    rows = slice(*paths.sample[track : track + 2])
+    place = np.column_stack([paths.x[rows], paths.y[rows]])
+    limit = roads.speed_limit[lanes_of(place, wrap_angle(paths.turn[rows]), roads).lane]
+    gap_to = bind(gap_on_path, paths)
 
     def follow(s: float, speed: float, instant: int) -> float:
-        accel = ACCEL * (1.0 - (speed / limit[instant]) ** 4)
+        here = min(int(np.searchsorted(paths.s[rows], s)), len(limit) - 1)
+        braking = 0.0
         for other in np.flatnonzero(~np.isnan(window.pose[instant, :, 0])).tolist():
             *pose, leader = window.pose[instant, other].tolist()
             gap, cosine = gap_to(
@@ -93,7 +97,9 @@ def idm(log: Log, window: Window, column: int, roads: LaneGraph) -> Floats:
             )
             if other != column and gap < _REACH:
                 others = max(gap, 0.1), speed, max(0.0, leader * cosine)
-                accel -= float(idm_interaction(ACCEL, DECEL, DEFAULT_HEADWAY, STANDING_GAP, *others))
+                found = idm_interaction(ACCEL, DECEL, DEFAULT_HEADWAY, STANDING_GAP, *others)
+                braking = max(braking, float(found))
+        accel = ACCEL * (1.0 - (speed / limit[here]) ** 4) - braking
         return max(0.0, speed + STEP * max(accel, -HARDEST))
 
     return _along(log, window, column, follow)

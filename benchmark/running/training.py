@@ -23,7 +23,7 @@ from algorithms.joint.evaluation import evaluate
 from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.runs import NOT_TAKEN, TESTED, Run
+from benchmark.experiment.runs import DEMONSTRATIONS, NOT_TAKEN, TESTED, Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
@@ -86,6 +86,8 @@ def train_and_evaluate(
         training = Training(run, scratch, algo)
         if training.unfit is not None:
             yield Noted({NOT_TAKEN: training.unfit})
+        if data := run.settings.get("data"):
+            yield Noted({DEMONSTRATIONS: about(data)})
         yield from training.go(is_stopped)
         if training.ended_by is None:
             return

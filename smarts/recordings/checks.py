@@ -88,7 +88,7 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
     )
     return Report(
         _contents(tracks, np.bincount(frame[is_in_frame]), dt),
-        None if roads is None else float(on_lane.mean()),
+        None if roads is None else share_of_vehicles(on_lane, tracks),
         findings,
     )
 
@@ -98,6 +98,11 @@ def on_lanes(tracks: Tracks, roads: LaneGraph) -> Bools:
     found = lanes_of(np.column_stack([tracks.x, tracks.y]), tracks.heading, roads)
     is_on = (found.lane >= 0) & (found.distance <= roads.width[found.lane] / 2)
     return is_on | (tracks.kind[tracks.track] == VehicleKind.PEDESTRIAN)
+
+
+def share_of_vehicles(chosen: Bools, tracks: Tracks) -> float:
+    """Return the share of chosen samples, shape (N,), among those of vehicles."""
+    return float(chosen[tracks.kind[tracks.track] != VehicleKind.PEDESTRIAN].mean())
 
 
 def _overlaps(tracks: Tracks, frame: Longs) -> _Pairs:

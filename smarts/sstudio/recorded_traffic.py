@@ -91,7 +91,7 @@ def write_log(
         SmartsError: The recording cannot be read, is no traffic, or does not belong to the map, or nothing
             is recorded in the part that is asked for, or not the vehicles that are taken over.
     """
-    from smarts.recordings.checks import on_lanes
+    from smarts.recordings.checks import on_lanes, share_of_vehicles
     from smarts.recordings.importing import LEAST_ON_LANES
     from smarts.recordings.log import NAME, make_log
 
@@ -102,7 +102,7 @@ def write_log(
     if tracks.facts.get("is_traffic") == "false":
         problem = f"{recording.source!r} is no traffic: its tracks begin at one time in one place"
         raise ScenarioError(problem, place=at, remedy="use a recording of vehicles that drove side by side")
-    share = float(on_lanes(tracks, roads).mean())
+    share = share_of_vehicles(on_lanes(tracks, roads), tracks)
     if share < LEAST_ON_LANES:
         problem = f"only {share:.0%} of the positions of {recording.source!r} lie on lanes of the map"
         raise ScenarioError(problem, place=at, remedy="give the map of this recording")

@@ -61,7 +61,7 @@ def test_an_atlas_has_a_table_of_paces_for_the_lanes_of_all_maps():
     for lane in range(len(table.pace)):
         alone = [pace_in(roads, lane, a) for a in table.agility]
         assert table.pace[lane].tolist() == (
-            alone if roads.lane_inside[lane] else [roads.lane_speed[lane]] * 6
+            alone if roads.lane_inside[lane] else [roads.lane_speed[lane]] * len(VehicleKind)
         )
     assert (table.pace[roads.lane_inside] < 9.0).any()
     assert performance(atlas).pace is table.pace
