@@ -111,8 +111,8 @@ def _starts(experiment: Experiment) -> Iterator[Fault]:
 
 def _demonstrations(experiment: Experiment) -> Iterator[Fault]:
     """Yield the missing demonstrations of behavioural cloning."""
-    parts = [part for layers in _layers(experiment) for _, part in layers]
-    if "bc" in experiment.algorithms and not any((part.settings.get("bc") or {}).get("data") for part in parts):
+    parts = [part.settings.get("bc") or {} for layers in _layers(experiment) for _, part in layers]
+    if "bc" in experiment.algorithms and not any(part.get("data") for part in parts):
         remedy = "give the file that `smarts-bench demonstrations` wrote"
         yield Fault(("settings", "bc", "data"), "is missing", remedy)
 
