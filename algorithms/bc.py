@@ -13,7 +13,7 @@ Deviations: the deviation of continuous actions is learned with their mean.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -33,7 +33,6 @@ from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import JointTorchLearner
-from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spaces import is_bounded
 from algorithms.joint.spec import Group
 from algorithms.joint.training_data import JointTrainingData
@@ -114,7 +113,7 @@ class BCLearner(JointTorchLearner):
             for group in self.groups
         }
 
-    def update_joint(self, rollout: JointRollout) -> None:
+    def update_joint(self, rollout: Any = None) -> None:
         """Take the steps of an iteration; there is no rollout."""
         for _ in range(self.config.updates):
             self.step_each({group.id: self.loss(group) for group in self.groups})
@@ -159,5 +158,4 @@ class BC(JointAlgorithm):
         key = ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
         self.metrics.log_value(key, count, reduce="lifetime_sum")
         steps = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps()}
-        nothing: JointRollout = None  # type: ignore[assignment]
-        self.metrics.aggregate(self._update(JointTrainingData(nothing), steps), key=LEARNER_RESULTS)
+        self.metrics.aggregate(self._update(JointTrainingData(), steps), key=LEARNER_RESULTS)

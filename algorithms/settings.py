@@ -252,7 +252,7 @@ class MATSettings(PPOSettings):
     kl_to: None = None  # type: ignore[reportIncompatibleVariableOverride]
     """Always null."""
     kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
-    """Of no effect."""
+    """Without effect: there is no policy to keep near to."""
 
     @model_validator(mode="after")
     def _heads_fit(self) -> Self:
@@ -324,7 +324,7 @@ class CommNetSettings(A2CSettings):
     kl_to: None = None  # type: ignore[reportIncompatibleVariableOverride]
     """Always null."""
     kl_coeff: Literal[0.1] = 0.1  # type: ignore[reportIncompatibleVariableOverride]
-    """Of no effect."""
+    """Without effect: there is no policy to keep near to."""
     epochs: Count = 1  # type: ignore[reportIncompatibleVariableOverride]
     """Passes over each rollout; several steps on a rollout are PPO's."""
     minibatch_size: Count | None = None  # type: ignore[reportIncompatibleVariableOverride]

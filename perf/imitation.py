@@ -41,7 +41,7 @@ from smarts.zoo.driving import Idm
 
 INTERVAL, TIME = 5, 0.5
 DECISIONS = 10
-"""Of 0.5 s: 5 s."""
+"""Decisions of 0.5 s in a scene of 5 s."""
 CATCHING_UP = 0.8
 """How much faster than recorded a vehicle drives that is a metre late, before the 5 s begin [1/s]."""
 BEFORE = 6

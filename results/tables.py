@@ -119,7 +119,7 @@ def conditions() -> dict[str, dict[str, dict[str, str]]]:
     found: dict[str, dict[str, dict[str, str]]] = {}
     with CONDITIONS.open(newline="") as file:
         for row in csv.DictReader(file):
-            found.setdefault(row["algorithm"], {})[row["played"]] = row
+            found.setdefault(row["algorithm"], {})[row["condition"]] = row
     return found
 
 
@@ -137,7 +137,7 @@ def conditions_table(_: Values) -> Iterable[Sequence[str]]:
     for algorithm, rows in conditions().items():
         for name, row in rows.items():
             rates = [row[each] for each in ("completion", "collision", "at fault")]
-            yield (algorithm, name, *rates, row["meet"].partition(" ")[0])
+            yield (algorithm, name, *rates, row["share that meets"].partition(" ")[0])
 
 
 TABLES = {"paper": paper_table, "modes": modes_table, "unseen": unseen_table, "conditions": conditions_table}

@@ -11,9 +11,9 @@ from algorithms.joint.rollout import JointRollout
 
 
 class JointTrainingData(TrainingData):
-    """Carries a rollout through RLlib's learner group."""
+    """Carries a rollout, or none, through RLlib's learner group."""
 
-    def __init__(self, rollout: JointRollout | ray.ObjectRef) -> None:
+    def __init__(self, rollout: JointRollout | ray.ObjectRef | None = None) -> None:
         super().__init__()
         self.rollout = rollout
 

@@ -215,8 +215,8 @@ class Poses:
         vehicles, slot = frame.world.vehicles, frame.world.agents.slot[:, 0]
         for row, start in frame.starts.items():
             window, column = self._scene(start)
-            key = row, int(slot[row]), int(vehicles.generation[row, slot[row]])
-            frame.world.paths[key] = self._log.paths.points(window.tracks[column])
+            key = int(slot[row]), int(vehicles.generation[row, slot[row]])
+            frame.world.paths[row][key] = self._log.paths.points(window.tracks[column])
         number = np.array([start.world for start in self._env.episodes])
         rows = np.flatnonzero(frame.env_mask & (slot >= 0) & (number < len(self.pose)))
         columns = vehicles.position, vehicles.heading[..., None], vehicles.speed[..., None]

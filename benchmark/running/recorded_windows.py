@@ -50,8 +50,8 @@ class Window(NamedTuple):
     size: Floats
     """Length and width [m], shape (K, 2)."""
     scenes: list[int]
-    """Columns of the vehicles to put a driver into: those that agents can drive, there all the time, and in
-    no scene of an earlier window that lasts until now."""
+    """Columns of the vehicles that drivers replace: agents can drive their kind, they are there all the time,
+    and no scene of an earlier window with them lasts until now."""
 
 
 def windows_of(log: Log, begin: float) -> Iterator[Window]:

@@ -63,7 +63,7 @@ class AlongPath:
         """Find an agent's path, and the place of its vehicle there."""
         world = self._scene.world
         vehicles = world.vehicles
-        points = world.paths.get((b, slot, int(vehicles.generation[b, slot])))
+        points = world.paths[b].get((slot, int(vehicles.generation[b, slot])))
         if points is None:
             points = lane_path(self._scene.atlas.graphs[world.map[b]], int(vehicles.lane[b, slot])).points(0)
         x, y, turn, end = points[-1]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,8 +117,8 @@ def _lane(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def _within(kind: ActionSpaceType, actions: Floats) -> Floats:
-    space = action_format(kind).space()
-    return np.clip(actions, space.low, space.high)  # type: ignore[attr-defined]
+    space: Any = action_format(kind).space()
+    return np.clip(actions, space.low, space.high)
 
 
 def _residual(motion: Motion, after: Floats) -> Floats:

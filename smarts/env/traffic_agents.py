@@ -36,8 +36,6 @@ from smarts.types.vehicles import VehicleStates
 
 FAR = 1e4
 """Beyond the map's ends [m]."""
-MOST_AGENTS = 256
-"""Vehicles at a time that have an agent."""
 
 
 class Decision(NamedTuple):
@@ -97,7 +95,7 @@ class TrafficAgents:
             never = DoneCriteria(collision=False, off_road=False, off_route=False)
             interface = interface.replace(done_criteria=never, max_episode_steps=None)
         played = built.with_traffic([traffic])
-        count = min(vehicle_limit(played), MOST_AGENTS)
+        count = vehicle_limit(played)
         pool = [PooledAgents(interface, count)]
         self._parts = assemble([played], [], pool=pool, seed=seed)
         self.world, self.actions = self._parts.scene.world, self._parts.actions

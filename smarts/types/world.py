@@ -108,9 +108,9 @@ class World:
         self.placed = np.zeros((worlds, capacity), np.bool_)
         """Vehicles whose lane, and places along and beside it, their provider has written in this step: they
         are not searched for. Map matching clears it. Shape (B, V)."""
-        self.paths: dict[tuple[int, int, int], Floats] = {}
-        """Points x, y, heading, arc length of the paths that vehicles were recorded on, shape (n, 4), by
-        simulation, slot and generation."""
+        self.paths: list[dict[tuple[int, int], Floats]] = [{} for _ in range(worlds)]
+        """Points x, y, heading, arc length of the paths that vehicles were recorded on, shape (n, 4), of each
+        simulation by slot and generation."""
         self.traffic_overlaps = np.zeros(worlds, np.int32)
         """Pairs of vehicles of traffic that have come to overlap in the episode, shape (B,)."""
         sizes = np.array([column[:1, :1].nbytes for column in self.vehicles])
@@ -147,7 +147,7 @@ class World:
         self.signals[row] = 0
         self.step[row] = 0
         self.traffic_overlaps[row] = 0
-        self.paths = {key: path for key, path in self.paths.items() if key[0] != row}
+        self.paths[row].clear()
 
     def settle(self, row: int) -> None:
         """End the reset of one simulation: nothing has moved before its first step."""

@@ -130,7 +130,7 @@ class Recorded(TrafficEngine):
             name = NAME + self._names[track]
             slot = world.registry.admit(row, name, self._owner, int(paths.kind[track]), *size)
             world.vehicles.route[row, slot] = world.routes.number(row, self._routes[track])
-            world.paths[row, slot, int(world.vehicles.generation[row, slot])] = self._points(track)
+            world.paths[row][slot, int(world.vehicles.generation[row, slot])] = self._points(track)
             self._enter(row, slot, track)
 
     def _take(self, row: int, slot: int) -> None:
