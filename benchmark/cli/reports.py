@@ -75,30 +75,6 @@ def leaderboard(
     typer.echo(out)
 
 
-def check_traffic(results: Results) -> None:
-    """Check that social vehicles matter; exit code 0 if all conditions pass, 1 if one fails or is not known.
-
-    Checked is each condition with social vehicles that has scripted policies:
-
-    Keep-lane or random driving has to collide at least 0.10 more often than on empty roads (p < 0.01).
-
-    Gap acceptance has to meet social vehicles in 80% of its agent-episodes.
-
-    What was not played, or in too few episodes, is not known.
-    """
-    from benchmark.report.traffic_check import score_table, traffic_checks
-    from benchmark.results.reading import read_results
-
-    found = read_results(results)
-    checks = traffic_checks(found)
-    typer.echo(score_table(found) + "\n")
-    typer.echo(
-        "\n".join(map(str, checks)) or "no scripted policy is named in a condition with social vehicles"
-    )
-    if not checks or not all(check.passes for check in checks):
-        raise typer.Exit(1)
-
-
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help=SIDE, show_default=False)],
     b: Annotated[Path, typer.Argument(metavar="B", help=SIDE, show_default=False)],

@@ -32,14 +32,12 @@ from benchmark.report.ranking import (
     ranks,
     with_seed_differences,
 )
-from benchmark.report.traffic_check import TrafficCheck, traffic_checks
 from benchmark.report.values import GENERALIZATION, MODES, Key, Value, by_key, measure_conditions
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
 MOST_STEPS_APART = 0.05
 """Share by which the agent-steps of ranked trainings may differ from those usual in the condition."""
-SAME_TASK = "hardly differs from the condition without social vehicles"
 PROTOCOL = "protocol"
 """Column of agent-episodes that are compared."""
 
@@ -109,11 +107,6 @@ class Report:
     @cached_property
     def _rates_at_90_by_key(self) -> dict[Key, Value]:
         return by_key(self.rates_at_90)
-
-    @cached_property
-    def traffic_checks(self) -> list[TrafficCheck]:
-        """Checks of conditions with social vehicles in which scripted policies were played."""
-        return traffic_checks(self.results)
 
     @cached_property
     def modes(self) -> list[str]:
@@ -285,8 +278,6 @@ class Report:
             yield f"{passed} passes"
         if not_known and comparison and comparison.word in PASSES:
             yield f"not known whether {not_known} passes"
-        if any((x.task, x.traffic) == (task, traffic) and x.passes is False for x in self.traffic_checks):
-            yield SAME_TASK
         if theirs and (why := misprint(*place)):
             yield why
         if place in self.marks:

@@ -134,19 +134,10 @@ def has_counterparts(report: Report) -> bool:
 
 
 def standing(report: Report) -> list[str]:
-    """Return sentences on the version, on runs that must not be compared, and on the paper.
-
-    Checks that were not made are named only where the paper's figures are compared with.
-    """
+    """Return sentences on the version, on runs that must not be compared, and on the paper."""
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
     sentences += differing_trainings(runs) + _protocols(report) + _apart(report)
-    doubts = {False: "Social vehicles hardly matter in", None: "Not known whether social vehicles matter in"}
-    sentences += [
-        f"{doubts[check.passes]} {check}."
-        for check in report.traffic_checks
-        if check.passes is False or (check.passes is None and report.has_paper)
-    ]
     sentences += [
         f"Figures are of another traffic than SUMO's where there stands: {mark}."
         for mark in sorted({*engine_marks(report.results.finished).values()})
