@@ -189,7 +189,8 @@ def run_from(content: Mapping[str, Any], test: Sequence[Mapping[str, Any]] = ())
 def _task_of(content: Mapping[str, Any], test: Sequence[Mapping[str, Any]]) -> TrainingTask:
     """Return the task of a `Run.content()` with the conditions of its test."""
     scenarios = content["scenarios"]
-    task: dict[str, Any] = {"name": name_of(scenarios[:3]), START: content.get(START)}
+    names = scenarios if len(scenarios) <= 4 else [*dict.fromkeys(x.partition("@")[0] for x in scenarios)]
+    task: dict[str, Any] = {"name": name_of(names[:4]), START: content.get(START)}
     task |= {"train": _entries(zip(scenarios, content[WEIGHTS], strict=True))} if WEIGHTS in content else {}
     task |= {} if WEIGHTS in content else {"scenarios": [*scenarios]}
     task |= {TRAIN_TRAFFIC: content.get(TRAIN_TRAFFIC, []), TEST: [*test]}
