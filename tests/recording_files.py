@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -51,4 +52,13 @@ def commonroad(path, *parts, dt=0.1, version="2020a"):
     """Write a scenario of CommonRoad; return its path."""
     root = f'<commonRoad commonRoadVersion="{version}" timeStepSize="{dt}" benchmarkID="X-1" source="S">'
     path.write_text(f"{root}{''.join(parts)}</commonRoad>")
+    return path
+
+
+def argoverse(path, cars):
+    """Write a scenario of Argoverse 2: (name, type, positions in the direction of x from a time step on)."""
+    columns = ["track_id", "object_type", "timestep", "position_x", "position_y", "heading"]
+    rows = [(name, kind, first + k, x, y, 0.0) for name, kind, first, y, xs in cars for k, x in enumerate(xs)]
+    table = pd.DataFrame(rows, columns=columns).assign(velocity_x=10.0, velocity_y=0.0)
+    table.to_parquet(path)
     return path

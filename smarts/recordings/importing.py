@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from smarts.recordings.checks import NOT_TRAFFIC, Report, check
+from smarts.recordings.checks import NOT_TRAFFIC, Report, check, on_lanes
 from smarts.recordings.reading import Source, read
 from smarts.recordings.repairs import repaired
 from smarts.recordings.tracks import RecordingError, Tracks, write_tracks
@@ -21,6 +21,7 @@ NET, REPORT, SCRIPT = "map.net.xml", "import.txt", "scenario.py"
 _MARKS: dict[MapKind, re.Pattern[bytes]] = {
     "commonroad": re.compile(rb"<commonRoad\b"),
     "lanelet2": re.compile(rb"v=['\"]lanelet['\"]"),
+    "argoverse": re.compile(rb"\"lane_segments\""),
 }
 _SCENARIO = '''"""Recorded traffic; import.txt says where it comes from, and under which licence."""
 
@@ -75,7 +76,12 @@ def import_recording(
         folder.mkdir()
         map_source = _map_source(source.path, tracks.facts["source_format"], map_file)
         notes = compile_map(map_source, folder / NET) if map_source else MapNotes()
-        report = check(tracks, read_net(folder / NET) if map_source else None)
+        roads = read_net(folder / NET) if map_source else None
+        report = check(tracks, roads)
+        if roads and map_source and map_source.kind == "argoverse":  # which ends before its vehicles do
+            said.append(f"left out what is off the map, all but {report.on_lanes:.0%} of the positions")
+            tracks = tracks.of_samples(on_lanes(tracks, roads))
+            report = check(tracks, roads)
         if report.on_lanes is not None and report.on_lanes < LEAST_ON_LANES:
             raise RecordingError(
                 f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
@@ -114,10 +120,13 @@ def _write(folder: Path, tracks: Tracks, lines: list[str], *, is_scenario: bool)
 def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:
     """Return the map that was named, else the recording's own file where it holds one, else None."""
     if map_file is None:
+        if format == "Argoverse":
+            beside = path.with_name(f"{path.stem.replace('scenario', 'log_map_archive', 1)}.json")
+            return MapSource("argoverse", (beside,)) if beside.exists() else None
         return MapSource("commonroad", (path,)) if format == "CommonRoad" else None
     if map_file.suffix and not map_file.exists():
         raise RecordingError("there is no such file", place=str(map_file), remedy="give the file of the map")
-    if map_file.is_file() and map_file.suffix in (".xml", ".osm"):
+    if map_file.is_file() and map_file.suffix in (".xml", ".osm", ".json"):
         # Files of these formats are named by what they show: their ending does not tell the format.
         content = map_file.read_bytes()
         for kind, mark in _MARKS.items():

@@ -33,9 +33,11 @@ READERS = Registry(
         "NGSIM": "smarts.recordings.readers.ngsim:read",
         "FCD": "smarts.recordings.readers.sumo_fcd:read",
         "SMARTS": "smarts.recordings.readers.episode:read",
+        "INTERACTION": "smarts.recordings.readers.interaction:read",
+        "Argoverse": "smarts.recordings.readers.argoverse:read",
     },
 )
-_BY_ENDING = {".shf": "SHF", ".txt": "NGSIM"}
+_BY_ENDING = {".shf": "SHF", ".txt": "NGSIM", ".csv": "INTERACTION", ".parquet": "Argoverse"}
 _BY_ROOT = {"commonRoad": "CommonRoad", "fcd-export": "FCD"}
 """Outermost element of an XML file -> format."""
 SIZES = {

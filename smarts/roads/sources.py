@@ -9,7 +9,9 @@ from typing import Literal, get_args
 
 from smarts.errors import MapError
 
-MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "lanelet2", "osm", "commonroad"]
+MapKind = Literal[
+    "sumo_net", "sumo_plain", "netgenerate", "opendrive", "lanelet2", "osm", "commonroad", "argoverse"
+]
 
 MAP_STEM = "map"
 """Default stem of a scenario's map files."""
@@ -26,6 +28,7 @@ _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
     "lanelet2": ((".lanelet2.osm",),),
     "osm": ((".osm",), (".osm.xml",)),
     "commonroad": ((".cr.xml",),),
+    "argoverse": ((".argoverse.json",),),
 }
 _PLAIN_EXTRAS = (".con.xml", ".typ.xml", ".tll.xml")
 _OPTIONS = ".netccfg"

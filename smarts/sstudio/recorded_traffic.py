@@ -29,8 +29,8 @@ WITHOUT_ROUTES = {"routes": [], "additional": [], "warm_up": 0.0, "options": {},
 """What the manifest holds of traffic for which SUMO has no files."""
 BEFORE_IT_LEAVES = 1.0
 """Episodes begin at least so long before a vehicle that an agent takes over leaves [s]."""
-HISTORY_SOURCES = (*READERS, "INTERACTION", "Waymo", "Argoverse")
-"""Formats of traffic histories; those that have no reader are SMARTS 2's."""
+HISTORY_SOURCES = (*READERS, "Waymo")
+"""Formats of traffic histories; Waymo, which SMARTS 2 has, is not read."""
 
 
 def with_histories(scenario: Scenario, checks: Checks) -> Scenario:

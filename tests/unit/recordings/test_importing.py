@@ -1,5 +1,6 @@
 """`smarts-bench data import`: from a file to a folder, or to a sentence."""
 
+import json
 import re
 import sys
 
@@ -8,7 +9,7 @@ import pytest
 from benchmark.cli import main
 from smarts.recordings.tracks import read_tracks
 from smarts.sstudio import build_scenario
-from tests.recording_files import commonroad, lanelet, obstacle
+from tests.recording_files import argoverse, commonroad, lanelet, obstacle
 
 ROAD = lanelet("1", [(0, 0), (100, 0)], successors="2"), lanelet("2", [(100, 0), (200, 0)])
 
@@ -61,6 +62,25 @@ def test_a_recording_with_its_map_becomes_a_scenario(importing, tmp_path):
     code, text = importing(commonroad(tmp_path / "y.xml", *ROAD, *cars()))
     assert code == 2
     assert "there is something already" in text
+
+
+def test_vehicles_beyond_the_map_of_argoverse_are_left_out(importing, tmp_path):
+    bound = {
+        f"{side}_lane_boundary": [{"x": x, "y": y} for x in (0, 40)]
+        for side, y in (("left", 4), ("right", 0))
+    }
+    segment = bound | {"id": 5, "lane_type": "VEHICLE", "is_intersection": False, "successors": []}
+    segment |= {"left_neighbor_id": None, "right_neighbor_id": None}
+    (tmp_path / "log_map_archive_a.json").write_text(json.dumps({"lane_segments": {"5": segment}}))
+    cars = [
+        ("1", "vehicle", 0, 2.0, range(60)),
+        ("2", "vehicle", 20, 2.0, range(20)),
+        ("3", "vehicle", 0, 9.0, [4, 4]),
+    ]
+    code, text = importing(argoverse(tmp_path / "scenario_a.parquet", cars))
+    assert (code, read_tracks(tmp_path / "out").names) == (0, ("1", "2"))
+    assert "left out what is off the map, all but 77% of the positions" in text
+    assert read_tracks(tmp_path / "out").x.max() == 42  # half a width beyond the lane
 
 
 def test_single_tracks_are_not_called_traffic(importing, tmp_path):

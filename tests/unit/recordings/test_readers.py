@@ -10,7 +10,7 @@ from smarts.recordings.headings import HeadingRule, infer_headings
 from smarts.recordings.reading import READERS, Source, guess_format, read
 from smarts.recordings.tracks import RecordingError
 from smarts.types.vehicles import VehicleKind
-from tests.recording_files import commonroad, obstacle
+from tests.recording_files import argoverse, commonroad, obstacle
 
 CAR = [(5, 1.0, 2.0, 0.5, 4.0), (6, 1.4, 2.0, 0.5, 4.5)]
 
@@ -98,6 +98,38 @@ def test_floating_car_data_of_sumo(tmp_path):
     assert samples(tracks, "b")[2] == pytest.approx([1.0, 1, 48 - 3.55, np.pi / 2, 5])
     assert tracks.length.tolist() == [5.0, 7.1, 0.215]
     assert tracks.kind.tolist() == [VehicleKind.PASSENGER, VehicleKind.TRUCK, VehicleKind.PEDESTRIAN]
+
+
+def test_tables_of_interaction(tmp_path):
+    """A car and a stroller; a pedestrian, without size and heading, in the file beside."""
+    head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy"
+    rows = [(1, "car", 3.0, "0.5,4.0,2.0"), (2, "stroller", 9.0, "0,1,1")]
+    cars = [
+        f"{name},{k},{100 * k},{kind},{x + k},2,3,4,{rest}" for name, kind, x, rest in rows for k in (1, 2)
+    ]
+    (tmp_path / "vehicle_tracks_000.csv").write_text("\n".join([f"{head},psi_rad,length,width", *cars]))
+    walks = [f"P1,{k},{100 * k},pedestrian/bicycle,1,{5 + k},0,10" for k in (2, 3)]
+    (tmp_path / "pedestrian_tracks_000.csv").write_text("\n".join([head, *walks]))
+    tracks = read(Source(tmp_path / "vehicle_tracks_000.csv"))
+    assert (tracks.names, tracks.kind.tolist()) == (
+        ("1", "P1"),
+        [VehicleKind.PASSENGER, VehicleKind.PEDESTRIAN],
+    )
+    assert samples(tracks, "1") == pytest.approx(np.array([[0, 4, 2, 0.5, 5], [0.1, 5, 2, 0.5, 5]]))
+    assert samples(tracks, "P1")[0] == pytest.approx([0.1, 1, 7, np.pi / 2, 10])
+    assert (tracks.length.tolist(), tracks.facts["left_out"]) == ([4.0, 0.215], "stroller (1)")
+
+
+def test_scenarios_of_argoverse(tmp_path):
+    cars = [
+        ("AV", "vehicle", 0, 1.0, [3.0, 4.0]),
+        ("7", "cyclist", 1, 2.0, [0.0, 1.0]),
+        ("8", "static", 0, 9.0, [5]),
+    ]
+    tracks = read(Source(argoverse(tmp_path / "scenario_x.parquet", cars)))
+    assert (tracks.names, tracks.kind.tolist()) == (("AV", "7"), [VehicleKind.PASSENGER, VehicleKind.BICYCLE])
+    assert samples(tracks, "7") == pytest.approx(np.array([[0.1, 0, 2, 0, 10], [0.2, 1, 2, 0, 10]]))
+    assert tracks.facts["left_out"] == "static (1)"
 
 
 def test_own_episodes(tmp_path):

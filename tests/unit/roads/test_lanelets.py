@@ -1,5 +1,7 @@
 """Maps of lanelets as lane graphs, by hand."""
 
+import json
+
 import numpy as np
 import pytest
 import shapely
@@ -9,7 +11,7 @@ from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import ConflictKind, LaneKind
 from smarts.roads.lanelet_readers import lanelet2
 from smarts.roads.lanelet_readers.commonroad import read
-from smarts.roads.lanelets import LANELET_MAPS, read_lanelets
+from smarts.roads.lanelets import Lanelet, read_lanelets
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
 from tests.recording_files import DATA, commonroad, lanelet, needs_data, tags
@@ -160,6 +162,35 @@ def test_utm():
     assert lanelet2._utm(angles, np.array([16.0]))[0] == pytest.approx([630084, 4833438], abs=1.0)
 
 
+def test_argoverse_gives_the_same_lanelets(tmp_path):
+    """And of two lanes in opposite directions, each of which is left of the other, neither is a neighbour."""
+    drawn = read(commonroad(tmp_path / "x.xml", *(part.replace("highway", "urban") for part in SPLIT[:4])))
+    left = drawn[1].left[::-1]
+    drawn.append(Lanelet("7", left, left + np.array([0, 3.5])))
+    opposite = {"2": 7, "7": 2}
+    segments = {
+        each.id: {
+            "id": int(each.id),
+            "lane_type": "BUS" if each.kind == LaneKind.BUS else "VEHICLE",
+            "is_intersection": each.inside,
+            "left_lane_boundary": [{"x": x, "y": y, "z": 1.0} for x, y in each.left.tolist()],
+            "right_lane_boundary": [{"x": x, "y": y, "z": 1.0} for x, y in each.right.tolist()],
+            "left_neighbor_id": opposite.get(each.id) or (int(each.left_neighbour or 0) or None),
+            "right_neighbor_id": next((int(x.id) for x in drawn if x.left_neighbour == each.id), None),
+            "successors": [int(other) for other in (*each.successors, "99") if other != "5"],
+        }
+        for each in drawn
+    }
+    (tmp_path / "map.argoverse.json").write_text(json.dumps({"lane_segments": segments}))
+    found = find_map_source(tmp_path)
+    assert found.kind == "argoverse"
+    for one, other in zip(drawn, read_lanelets(found.kind, found.files[0]), strict=True):
+        assert (one.id, one.left_neighbour, one.kind) == (other.id, other.left_neighbour, other.kind)
+        assert {*one.successors} - {"5"} == {*other.successors}
+        assert np.array_equal(one.left, other.left)
+        assert np.array_equal(one.right, other.right)
+
+
 @pytest.mark.parametrize(
     ("parts", "problem"),
     [
@@ -172,7 +203,7 @@ def test_broken_maps_are_refused(tmp_path, parts, problem):
         read_lanelets("commonroad", commonroad(tmp_path / "x.xml", *parts))
 
 
-@pytest.mark.parametrize("kind", LANELET_MAPS)
+@pytest.mark.parametrize("kind", ["commonroad", "lanelet2"])
 def test_files_that_are_cut_off_are_refused(tmp_path, kind):
     (tmp_path / "x.xml").write_text("<osm><relation>")
     with pytest.raises(MapError, match=f"not a map of kind {kind}: no element found"):
