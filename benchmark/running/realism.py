@@ -150,17 +150,17 @@ def _played_by(
 def _driver(policy: str, scenario: str, traffic: str) -> tuple[VectorHiWayEnv, Driver]:
     """Return simulations with one agent that ends with the window, and what drives it."""
     folder = RunFolder(Path(policy))
-    played = {"num_envs": ENVS, "scenarios": {scenario: 1.0}, "max_episode_steps": INSTANTS - 1}
+    played = {"num_envs": ENVS, "max_episode_steps": INSTANTS - 1}
+    task = fitted({"name": "realism", "scenarios": [scenario]}, TrainingTask, policy)
     if folder.config.exists():
         run = read_run(folder)
         changed = run.task_setting.environment.model_dump() | {"agents": 1, "traffic_engine": None}
-        given = {"environment": fitted(changed, Environment, policy), "traffic": traffic}
+        given = {"environment": fitted(changed, Environment, policy), "task": task, "traffic": traffic}
         run = replace(run, task_setting=replace(run.task_setting, **given))
         trained = Policy(run, folder.kept("last"), is_sampled=True, seed=EVALUATION_SEED)
         env = environment(run.task_setting, **played)
         return env, TrainedDriver(trained, np.ones(1, np.bool_), env)
     agent, interface = batch_agent(policy)
-    task = fitted({"name": "realism", "scenarios": [scenario]}, TrainingTask, policy)
     driven = environment_of(agent, interface, 1, None, policy)
     setting = TaskSetting(task, traffic, driven, Evaluation(), ENVS)
     env = environment(setting, observation=agent.observation, **played)

@@ -12,6 +12,7 @@ from benchmark.running.realism import measure_realism
 from smarts.recordings.tracks import write_tracks
 from tests.maps import straight as road
 from tests.tracks import straight, track_of, tracks_of
+from tests.unit.benchmark.untrained import write_untrained
 from tests.unit.sstudio.sources import scenario, write_cross
 
 CAR = np.array([5.0, 2.0])
@@ -55,6 +56,15 @@ def test_features_by_hand():
         assert collides(features.motion(driving(5.0, 0.5, speed), CAR), others).tolist() == [hits]
 
 
+TRAINED = """
+algorithms: [ppo]
+tasks: [loop]
+traffic: [no_social_vehicles]
+environment: {agents: 2}
+settings: {ppo: {sharing: all, hidden: [8, 8]}}
+"""
+
+
 @pytest.fixture(scope="module")
 def steady_and_changing(tmp_path_factory):
     """Return a scenario whose vehicles keep their speeds, and one in which they change them."""
@@ -90,6 +100,13 @@ def test_what_drives_as_recorded_scores_as_the_log(steady_and_changing):
     assert constant == pytest.approx(log)
     assert agent["displacement"] < 0.2
     assert agent["realism"] == pytest.approx(log["realism"], abs=0.02)
+
+
+def test_a_run_drives_alone_whatever_it_was_trained_on(steady_and_changing, tmp_path):
+    _, folder = write_untrained(tmp_path, TRAINED)
+    policy = str(folder.path)
+    found = by_name(steady_and_changing[0], policies=[policy], engines=[], rollouts=1)
+    assert found[policy]["scenes"] == found["log"]["scenes"]
 
 
 def test_the_log_is_the_ceiling(steady_and_changing):
