@@ -15,14 +15,12 @@ from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.container import framed
 from smarts.stream.encoder import EpisodeEncoder
 from smarts.stream.road_map import map_message, origin_of
-from smarts.stream.tables import OUTCOMES, STATIC, STEPPED
+from smarts.stream.tables import LASTING, OUTCOMES, STATIC, STEPPED
 from smarts.types.episode_schema import (
     AGENT_STATES,
-    BUBBLE_POSES,
     DECISIONS,
     EXTRAS,
     OBSERVATIONS,
-    SIGNALS,
     VEHICLES,
 )
 from smarts.types.events import Outcome
@@ -33,9 +31,6 @@ POLICY = "policy"
 """The one fact that recorded episodes do not have."""
 MOST_STEPS = 10_000_000
 """Largest number of steps of an episode."""
-
-_LASTING = SIGNALS.name, BUBBLE_POSES.name
-"""Tables whose rows hold until the next one."""
 
 _NEWEST = DECISIONS.name, EXTRAS.name, OBSERVATIONS.name
 """Tables of agents whose rows hold until the next one of the same name."""
@@ -89,7 +84,7 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
         if begin == 0:
             # What lasts until it changes is needed from before the first step, too.
             until = np.arange(of_chunk[-1] + 1, dtype=np.int32)
-            rows |= {name: _of(in_order[name], until) for name in _LASTING if name in in_order}
+            rows |= {name: _of(in_order[name], until) for name in LASTING if name in in_order}
             rows |= {name: _with_newest(in_order[name], of_chunk) for name in _NEWEST if name in in_order}
         yield from encoder.chunk(of_chunk, rows)
     yield from encoder.end(bool(facts["is_complete"]), str(facts["remark"]))

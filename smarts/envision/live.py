@@ -209,8 +209,8 @@ class LiveHub:
 
     def _continue(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
         """Take a message of a simulation that has begun."""
-        source = self._sources[number]
-        if int(message["serial"]) != source.encoder.serial:
+        source = self._sources.get(number)
+        if source is None or int(message["serial"]) != source.encoder.serial:
             return
         is_watched = any(viewer.follows(number) for viewer in self._viewers)
         if message["type"] == "frame":
@@ -223,7 +223,10 @@ class LiveHub:
 
     def _begin(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
         facts, before = message["facts"], self._sources.get(number)
-        road_map, serial = publisher.maps[message["map"]], int(message["serial"])
+        road_map, serial = publisher.maps.get(message["map"]), int(message["serial"])
+        if road_map is None:
+            # It was too large to be sent.
+            return
         encoder = LiveEncoder(road_map, facts, number, serial, before and before.encoder)
         about = {
             "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,7 @@ NEVER = 2**31 - 1
 class Ending:
     """How an agent's episode ended: columns of the table `agents`, which explains them."""
 
+    end_step: int = UNSET
     outcome: int = Outcome.NONE
     terminated: bool = False
     truncated: bool = False
@@ -187,10 +188,18 @@ def rows_by_name(table: str, rows: Floats) -> dict[str, Floats]:
     return {name: rows[:, number] for number, name in enumerate(TABLE[table].names)}
 
 
-def ending_of(frame: Frame, row: int, agent_id: int) -> Ending:
-    """Return how an agent has ended, while its vehicle is there."""
+def new_endings(frame: Frame, row: int, known: Container[int]) -> dict[int, Ending]:
+    """Return how agents have ended, by number, without those that are `known`; their vehicles are there."""
+    agents = frame.world.agents
+    ended = np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist()
+    numbers = zip(agents.agent[row, ended].tolist(), ended, strict=True)
+    return {number: _ending(frame, row, agent_id) for number, agent_id in numbers if number not in known}
+
+
+def _ending(frame: Frame, row: int, agent_id: int) -> Ending:
     world, contacts, events = frame.world, frame.contacts, frame.events
     ending = Ending(
+        end_step=int(world.step[row]),
         outcome=int(world.agents.outcome[row, agent_id]),
         terminated=bool(events.terminated[row, agent_id]),
         truncated=bool(events.truncated[row, agent_id]),

@@ -87,19 +87,16 @@ class Outlet:
         """Whether there is a server."""
         return self._connection is not None
 
-    def put(self, message: Content, epoch: int) -> bool:
+    def put(self, message: Content, epoch: int) -> None:
         """Send a message, or drop it if the server does not take it now.
 
         Args:
             message: The message.
             epoch: Epoch of what the message builds on; in another one, the message is ignored.
-
-        Returns:
-            False if it is too large.
         """
         connection = self._connection
         if connection is None or self.epoch != epoch or self.process != os.getpid():
-            return True
+            return
         poll = select.poll()
         # Whatever is wrong with a viewer is none of the simulation's business.
         try:
@@ -109,12 +106,11 @@ class Outlet:
                 connection.send(packed)
             else:
                 self.epoch += 1
-        except SmartsError:
-            return False
+        except SmartsError as error:
+            logging.getLogger("smarts").warning("envision: %s is not shown: record instead", error.problem)
         except Exception:
             if self._connection is connection:
                 self._connection = None
-        return True
 
     def close(self) -> None:
         """End the connection behind what was sent; may be called again."""

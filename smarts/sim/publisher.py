@@ -1,44 +1,43 @@
 """The publisher: shows running simulations to a viewer's server, and never waits for it.
 
-It has the recorder's interface. Each message of a frame is a whole picture of one simulation, so a frame that
-is dropped loses nothing but itself; what lasts (agents, holds, outcomes, names of vehicles) is sent again
-when it may not have arrived.
+It has the recorder's interface. A frame is what a recorder takes of a step, of all vehicles; of what holds
+until it changes (tables of agents, names, lights, bubbles), what has changed since the last one, or all when
+that may not have arrived. Frames that are not due are left out.
 """
 
 from __future__ import annotations
 
-import logging
 import os
 import socket
 import time
 import uuid
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools, Ints
 from smarts.geometry.binding import LateBound
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.memory import remembered
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
-from smarts.sim.episode_tables import start_facts
+from smarts.sim.episode_tables import Ending, columns_of, new_endings, start_facts
+from smarts.sim.observation_notes import observation_notes
 from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_extras import PublishedExtras
-from smarts.sim.publisher_kernel import Rows, take_row
-from smarts.sim.publisher_sight import PublishedSight
-from smarts.sim.publisher_tables import static_tables
-from smarts.sim.recorder import OBSERVED
+from smarts.sim.publisher_tables import agent_tables, bubble_tables, outcomes_table
+from smarts.sim.recorder import OBSERVED, ROWS, newcomers
+from smarts.sim.recorder_handovers import HandoverNotes
+from smarts.sim.recorder_kernel import NEWCOMERS, Buffers, take_frame
 from smarts.stream.container import Message
 from smarts.stream.road_map import map_message, origin_of
 from smarts.types.actions import Actions
-from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
-from smarts.types.events import Outcome
+from smarts.types.episode_schema import BUBBLE_POSES, EXTRAS, NAMES, OBSERVATIONS, VEHICLES
 from smarts.types.frame import Frame
 
 MOST_SHOWN = 9
@@ -49,6 +48,8 @@ LONGEST = 0.2
 """And at most, where steps are no longer [s]."""
 SHARE = 0.025
 """The part of the time that frames may take."""
+OBSERVED_EVERY = 0.05
+"""Shortest time from one frame with observations to the next [s]: grids take a millisecond each."""
 
 
 @dataclass
@@ -57,16 +58,22 @@ class _Row:
 
     source: str
     start: EpisodeStart | None = None
+    """Its episode; None: it is over."""
     serial: int = 0
     """Counts its episodes."""
-    is_over: bool = True
     epoch: int = -1
     """Epoch of the outlet when all that lasts was last sent."""
-    known: tuple[int, int, int] = (0, 0, 0)
-    """How many agents, holds and outcomes were sent."""
-    outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    """Agent's number -> step, outcome, slot and generation of the vehicle that it collided with."""
-    sight: PublishedSight = field(default_factory=PublishedSight)
+    known: tuple[int, ...] = ()
+    """How many agents, holds and outcomes were sent; empty: no table was."""
+    endings: dict[int, Ending] = field(default_factory=dict)
+    """By the agent's number."""
+    notes: HandoverNotes = field(default_factory=HandoverNotes)
+    agent_ids: list[int] = field(default_factory=list)
+    """Agents whose observations viewers look at."""
+    seen: dict[int, int] = field(default_factory=dict)
+    """The step in which each of them has observed since the last frame."""
+    next_look: float = 0.0
+    """Time from which on observations are sent again [s]."""
 
 
 class EpisodePublisher:
@@ -93,20 +100,16 @@ class EpisodePublisher:
         self._policies, self._policy = tuple(policies), policy
         self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
         self._unsent = world.worlds - len(self._rows)
-        self._refused: set[int] = set()
-        """Maps that cannot be shown."""
-        self._origins: dict[int, Floats] = {}
         _publishers.add(self)
         self._connect()
-        agents = world.agents.slot.shape
-        self._no_actions = Actions.allocate(*agents)
+        worlds, agents = world.agents.slot.shape
+        self._no_actions = Actions.allocate(worlds, agents)
         self._extras = PublishedExtras(len(self._rows))
         self._due = 0.0
         """Time from which on the next frame is sent [s]."""
-        self._buffers = Rows.allocate(
-            world.vehicles.capacity, world.worlds, world.signals.shape[1], agents[1]
-        )
-        self._take = LateBound(take_row, world.state, self._buffers)
+        capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
+        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, rows=0)
+        self._take = LateBound(take_frame, world.state, 0, np.inf, self._buffers)
 
     @property
     def observers(self) -> Bools | None:
@@ -115,7 +118,7 @@ class EpisodePublisher:
             return None
         mask = np.zeros(self._scene.world.agents.slot.shape, np.bool_)
         for row, shown in enumerate(self._rows):
-            mask[row, shown.sight.agent_ids] = True
+            mask[row, shown.agent_ids] = True
         return mask
 
     @property
@@ -127,10 +130,9 @@ class EpisodePublisher:
         """Send what is due of a frame, before the next step overwrites it."""
         now, events, outlet = time.monotonic(), frame.events, self._outlet
         has_news = bool(np.count_nonzero(events.just_done) or np.count_nonzero(events.finished))
-        if outlet.is_open and frame.actions is not None:
-            actions = frame.actions
-            decided = frame.world.step[:, None] - 1 - actions.age
-            np.copyto(self._buffers.decided, decided, where=actions.fresh)
+        actions = self._no_actions if frame.actions is None else frame.actions
+        if outlet.is_open:
+            np.copyto(self._buffers.decided, frame.world.step[:, None] - 1 - actions.age, where=actions.fresh)
         is_due = outlet.is_open and (now >= self._due or self._epoch != outlet.epoch)
         # Most steps end here.
         is_quiet = not (is_due or has_news or frame.starts or frame.failures or outlet.observed)
@@ -141,32 +143,43 @@ class EpisodePublisher:
         for row, start in frame.starts.items():
             if row < len(self._rows):
                 self._begin(row, self._rows[row], start)
-        used = time.thread_time()
-        sent = [self._record_row(row, frame, is_due, has_news) for row in range(len(self._rows))]
-        if any(sent):
-            self._due = now + min(max(SHORTEST, (time.thread_time() - used) / SHARE), LONGEST)
+        self._send_due(frame, actions, is_due, has_news)
+        for row, shown in enumerate(self._rows):
+            if row in frame.failures:
+                self._end(shown, False, f"invalid: {frame.failures[row].problem}")
+            elif events.finished[row]:
+                self._end(shown, True, "")
 
-    def _record_row(self, row: int, frame: Frame, is_due: bool, has_news: bool) -> bool:
-        """Take what is new of one simulation; return whether its frame was sent."""
-        shown, events, outlet = self._rows[row], frame.events, self._outlet
-        is_finished = has_news and bool(events.finished[row])
-        has_news = is_finished or (has_news and bool(events.just_done[row].any()))
+    def _send_due(self, frame: Frame, actions: Actions, is_due: bool, has_news: bool) -> None:
+        """Send the frame of each simulation that is due or has news; say when the next one is due."""
+        used = time.thread_time()
+        due = np.zeros(len(frame.env_mask), np.bool_)
+        for row, shown in enumerate(self._rows):
+            due[row] = self._is_sent(row, shown, frame, is_due, has_news)
+        if due.any():
+            self._buffers.used[due] = 0
+            self._take.to(frame.events, frame.contacts, actions)(due)
+            for row in np.flatnonzero(due).tolist():
+                self._send(row, self._rows[row], frame)
+            self._due = time.monotonic() + min(max(SHORTEST, (time.thread_time() - used) / SHARE), LONGEST)
+
+    def _is_sent(self, row: int, shown: _Row, frame: Frame, is_due: bool, has_news: bool) -> bool:
+        """Note what lasts of one simulation's frame; return whether the frame is sent."""
+        events, outlet = frame.events, self._outlet
+        has_news = has_news and bool(events.finished[row] or events.just_done[row].any())
         if has_news:
-            self._take_outcomes(row, shown, frame)
-        if shown.is_over:
+            shown.endings |= new_endings(frame, row, shown.endings)
+        if shown.start is None or not frame.env_mask[row]:
             return False
-        is_stepped = bool(frame.env_mask[row])
-        if outlet.observed and is_stepped:
-            shown.sight.look(frame, row, outlet.observed.get(shown.source, ()))
-        assert shown.start is not None
-        is_due = (is_due or has_news or shown.epoch != outlet.epoch) and outlet.is_open and is_stepped
-        is_sent = is_due and shown.start.map not in self._refused
-        if is_sent:
-            self._send(row, shown, frame)
-        if row in frame.failures:
-            self._end(shown, False, f"invalid: {frame.failures[row].problem}")
-        elif is_finished:
-            self._end(shown, True, "")
+        if outlet.observed:
+            looked_at = np.isin(frame.world.agents.agent[row], outlet.observed.get(shown.source, ()))
+            shown.agent_ids = np.flatnonzero(looked_at).tolist()
+            step = int(frame.world.step[row])
+            shown.seen |= {each: step for each in shown.agent_ids if frame.observe_mask[row, each]}
+        epoch = outlet.epoch
+        is_sent = outlet.is_open and (is_due or has_news or shown.epoch != epoch)
+        if is_sent and shown.epoch != epoch:
+            self._open(row, shown, shown.start, epoch)
         return is_sent
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
@@ -176,13 +189,12 @@ class EpisodePublisher:
         """
         if not self._outlet.is_open:
             return
-        steps = self._scene.world.step if step is None else step
         if name.startswith(OBSERVED):
-            table, what = np.asarray(values, np.float64), name.removeprefix(OBSERVED)
-            for row, shown in enumerate(self._rows):
-                shown.sight.annotate(what, int(steps[row]), table[row], agent_ids[row])
-        else:
-            self._extras.take(name, values, agent_ids, steps)
+            observers = self.observers
+            if observers is None:
+                return
+            agent_ids = agent_ids & observers[:, : agent_ids.shape[1]]
+        self._extras.take(name, values, agent_ids, self._scene.world.step if step is None else step)
 
     def finish(self, env_mask: Bools) -> None:
         """Do nothing: rewards of the last decision come after the last frame."""
@@ -209,63 +221,6 @@ class EpisodePublisher:
         self._told = -1
         """Epoch in which the server last got the number of simulations that are not sent."""
 
-    def _begin(self, row: int, shown: _Row, start: EpisodeStart) -> None:
-        self._end(shown, False, "reset before its end")
-        shown.start, shown.is_over, shown.serial = start, False, shown.serial + 1
-        shown.epoch = -1
-        shown.outcomes.clear()
-        self._extras.forget(row)
-        self._buffers.decided[row] = UNSET
-        shown.sight.begin()
-
-    def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
-        if not shown.is_over:
-            shown.is_over = True
-            if shown.start is not None and shown.start.map in self._refused:
-                return
-            self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
-
-    def _put(self, shown: _Row, message: Content) -> None:
-        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, shown.epoch)
-
-    def _send(self, row: int, shown: _Row, frame: Frame) -> None:
-        """Send a frame of one simulation, and before it what lasts and has not been sent."""
-        epoch = self._outlet.epoch
-        if shown.epoch != epoch:
-            shown.epoch, shown.known = epoch, (0, 0, 0)
-            self._buffers.named[row] = 0
-            self._open(row, shown, epoch)
-            if shown.start is not None and shown.start.map in self._refused:
-                return
-        known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
-        if known != shown.known:
-            shown.known = known
-            assert shown.start is not None
-            graph = self._scene.atlas.graphs[shown.start.map]
-            starts, holds = self._pool.starts[row], self._pool.holds[row]
-            tables = static_tables(starts, holds, shown.outcomes, self._policies, graph, shown.start.bubbles)
-            self._put(shown, {"type": "static", "tables": tables})
-        actions = self._no_actions if frame.actions is None else frame.actions
-        self._take.to(frame.events, frame.contacts, actions)(row)
-        buffers = self._buffers
-        vehicles, agents, decisions, signals, new = buffers.used.tolist()
-        message = {
-            "type": "frame",
-            "step": int(frame.world.step[row]),
-            "rows": [
-                buffers.vehicles[:vehicles].tobytes(),
-                buffers.agent_states[:agents].tobytes(),
-                buffers.decisions[:decisions].tobytes(),
-            ],
-            "agent": frame.world.agents.agent[row].tolist(),
-            "names": self._names(row, buffers.newcomers[:new]) if new else [],
-            "signals": buffers.signals[:signals].tolist() if signals else [],
-            "bubbles": self._bubbles(row, shown, frame),
-            "extras": self._extras.pop(row),
-            "observations": self._observations(row, shown, frame),
-        }
-        self._put(shown, message)
-
     def _prepare(self) -> None:
         """Connect a process that was forked off; say how many simulations are not sent."""
         if self._outlet.process != os.getpid():
@@ -276,74 +231,80 @@ class EpisodePublisher:
             self._told = outlet.epoch
             outlet.put({"type": "unsent", "count": self._unsent}, self._told)
 
-    def _observations(self, row: int, shown: _Row, frame: Frame) -> list[tuple[Any, ...]]:
-        if not shown.sight.agent_ids:
-            return []
-        assert shown.start is not None
-        number = shown.start.map
-        if number not in self._origins:
-            self._origins[number] = np.array(origin_of(self._scene.atlas.graphs[number]))
-        return shown.sight.take(frame, row, self._origins[number], time.monotonic())
+    def _begin(self, row: int, shown: _Row, start: EpisodeStart) -> None:
+        self._end(shown, False, "reset before its end")
+        shown.start, shown.serial, shown.epoch = start, shown.serial + 1, -1
+        shown.endings, shown.agent_ids, shown.seen = {}, [], {}
+        self._extras.pop(row)
 
-    def _open(self, row: int, shown: _Row, epoch: int) -> None:
-        """Send the map if the server has none, and which episode it is."""
-        start = shown.start
-        assert start is not None
+    def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
+        if shown.start is not None:
+            shown.start = None
+            self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
+
+    def _put(self, shown: _Row, message: Content) -> None:
+        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, shown.epoch)
+
+    def _open(self, row: int, shown: _Row, start: EpisodeStart, epoch: int) -> None:
+        """Send the map if the server has none, and which episode it is; all that lasts is to be sent."""
+        shown.epoch, shown.known, shown.notes = epoch, (), HandoverNotes()
+        self._buffers.clear(row)
         if self._maps_sent[0] != epoch:
             self._maps_sent = epoch, set()
         if start.map not in self._maps_sent[1]:
             self._maps_sent[1].add(start.map)
-            self._put_map(start.map, epoch)
+            graph = self._scene.atlas.graphs[start.map]
+            known_as = {"type": "map", "map": start.map, "origin": list(origin_of(graph))}
+            self._outlet.put({**known_as, "message": _map_of(graph)}, epoch)
         facts = start_facts(start, self._scene.world.dt) | {"policy": self._policy}
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
 
-    def _put_map(self, number: int, epoch: int) -> None:
-        """Send a map; one that is too large is refused from now on."""
-        graph = self._scene.atlas.graphs[number]
-        message = {"type": "map", "map": number, "origin": list(origin_of(graph)), "message": _map_of(graph)}
-        if not self._outlet.put(message, epoch):
-            self._refused.add(number)
-            logging.getLogger("smarts").warning(
-                "envision: map %d is too large, its simulations are not shown; record episodes, and open "
-                "them with `smarts-bench view`",
-                number,
-            )
-
-    def _names(self, row: int, slots: Ints) -> list[tuple[int, int, str]]:
-        """Return slot, generation and name of vehicles."""
-        world = self._scene.world
-        generations = world.vehicles.generation[row, slots].tolist()
-        return [
-            (slot, generation, world.registry.name(row, slot))
-            for slot, generation in zip(slots.tolist(), generations, strict=True)
-        ]
-
-    def _bubbles(self, row: int, shown: _Row, frame: Frame) -> list[tuple[float, ...]]:
-        """Return x, y, angle and whether it is active of each bubble."""
+    def _send(self, row: int, shown: _Row, frame: Frame) -> None:
+        """Send the rows that were taken of one simulation's frame, and what lasts and has changed."""
         assert shown.start is not None
-        count = len(shown.start.bubbles)
-        if frame.bubbles is None or not count:
-            return []
-        pose: NDArray = frame.bubbles.pose[row, :count]
-        active = frame.bubbles.is_active[row, :count].tolist()
-        return [(*each, float(is_active)) for each, is_active in zip(pose.tolist(), active, strict=True)]
+        step, buffers, bubbles = int(frame.world.step[row]), self._buffers, shown.start.bubbles
+        tables: dict[str, Any] = self._lasting(row, shown, shown.start)
+        used = buffers.used[row].tolist()
+        for name, column in ROWS:
+            if used[column] or name == VEHICLES.name:
+                tables[name] = getattr(buffers, name)[row, : used[column]].tobytes()
+        extras, seen = [], []
+        for step_of, agent_id, name, values in self._extras.pop(row):
+            rows = seen if name.startswith(OBSERVED) else extras
+            rows.append((step_of, agent_id, name.removeprefix(OBSERVED), values))
+        if frame.bubbles is not None and bubbles:
+            shown.notes.take_bubbles(step, row, len(bubbles), frame.bubbles)
+        poses, shown.notes.poses = shown.notes.poses, []
+        seen += self._observed(row, shown, frame)
+        for table, rows in ((EXTRAS, extras), (OBSERVATIONS, seen), (BUBBLE_POSES, poses)):
+            if rows:
+                tables[table.name] = columns_of(table.names, rows)
+        if used[NEWCOMERS]:
+            tables[NAMES.name] = columns_of(NAMES.names[:3], newcomers(frame.world, buffers, row))
+        self._put(shown, {"type": "frame", "step": step, "tables": tables})
 
-    def _take_outcomes(self, row: int, shown: _Row, frame: Frame) -> None:
-        """Note how agents have ended, as long as their vehicles are there."""
-        agents, contacts = frame.world.agents, frame.contacts
-        for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
-            number = int(agents.agent[row, agent_id])
-            if number != UNSET and number not in shown.outcomes:
-                partner: tuple[Any, ...] = (
-                    contacts.partner[row, agent_id],
-                    contacts.partner_generation[row, agent_id],
-                )
-                shown.outcomes[number] = (
-                    int(frame.world.step[row]),
-                    int(agents.outcome[row, agent_id]),
-                    *map(int, partner),
-                )
+    def _lasting(self, row: int, shown: _Row, start: EpisodeStart) -> dict[str, Any]:
+        """Return the tables that last and have changed since they were sent."""
+        starts, holds, before = self._pool.starts[row], self._pool.holds[row], shown.known
+        shown.known = len(starts), len(holds), len(shown.endings)
+        tables: dict[str, Any] = {} if before else bubble_tables(start.bubbles)
+        if before[:2] != shown.known[:2]:
+            tables |= agent_tables(starts, holds, self._policies, self._scene.atlas.graphs[start.map])
+        if before[2:] != shown.known[2:]:
+            tables["outcomes"] = outcomes_table(shown.endings)
+        return tables
+
+    def _observed(self, row: int, shown: _Row, frame: Frame) -> Iterator[tuple[int, int, str, bytes]]:
+        """Yield step, agent_id, name and the bytes of float32 of what agents have observed since."""
+        now, seen = time.monotonic(), shown.seen
+        if not seen or now < shown.next_look or shown.start is None:
+            return
+        shown.next_look, shown.seen = now + OBSERVED_EVERY, {}
+        kept = {each: step for each, step in seen.items() if each in shown.agent_ids}
+        origin = np.array(origin_of(self._scene.atlas.graphs[shown.start.map]))
+        for step, agent_id, name, values in observation_notes(frame, row, kept, origin):
+            yield step, agent_id, name, values.astype(np.float32).tobytes()
 
 
 @remembered(most=MOST_SHOWN)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,18 +48,13 @@ class PublishedExtras:
                     new[old] = kept[old]
         self._kept[name] = table, agents, numbers
 
-    def pop(self, row: int) -> list[tuple[Any, ...]]:
-        """Return name, step, agent_ids and values (one list for each agent) of a simulation; forget them."""
-        found = []
+    def pop(self, row: int) -> list[tuple[int, int, str, list[float]]]:
+        """Return step, agent_id, name and values of what is new in a simulation; forget it."""
+        found: list[tuple[int, int, str, list[float]]] = []
         for name, (table, agents, steps) in self._kept.items():
             chosen = np.flatnonzero(agents[row])
             if len(chosen):
-                values = table[row, chosen].reshape(len(chosen), -1)
-                found.append((name, int(steps[row]), chosen.tolist(), values.tolist()))
+                values = table[row, chosen].reshape(len(chosen), -1).tolist()
+                found += zip(repeat(int(steps[row])), chosen.tolist(), repeat(name), values)
                 agents[row] = False
         return found
-
-    def forget(self, row: int) -> None:
-        """Forget the annotations of a simulation."""
-        for _, agents, _ in self._kept.values():
-            agents[row] = False

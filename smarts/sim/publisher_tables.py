@@ -2,87 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.agent_pool import Hold
-from smarts.sim.episode_tables import columns_of, start_columns
+from smarts.sim.episode_tables import Ending, columns_of, start_columns
 from smarts.sim.recorder_handovers import ring_rows
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import PlacedBubble
 from smarts.types.episode import AgentStart
-from smarts.types.episode_schema import BUBBLE_RINGS
-from smarts.types.events import Outcome
+from smarts.types.episode_schema import BUBBLE_RINGS, ROUTES
+
+Tables = dict[str, dict[str, list[Any]]]
 
 
-def static_tables(
-    starts: Sequence[AgentStart],
-    holds: Sequence[Hold],
-    outcomes: Mapping[int, tuple[int, ...]],
-    policies: Sequence[str],
-    graph: LaneGraph,
-    bubbles: Sequence[PlacedBubble],
-) -> dict[str, dict[str, list[Any]]]:
-    """Return the tables agents, holds, routes, outcomes, bubbles and bubble_rings as far as they are known.
+def agent_tables(
+    starts: Sequence[AgentStart], holds: Sequence[Hold], policies: Sequence[str], graph: LaneGraph
+) -> Tables:
+    """Return the tables agents, holds and routes as far as they are known.
 
     Args:
         starts: How the agents enter, by number.
         holds: The columns that they held, in order.
-        outcomes: Ends by the agent's number: step, outcome, slot and generation of the vehicle collided with.
         policies: Names of the social policies, by number.
         graph: The map.
-        bubbles: Bubbles of the episode.
     """
     routes = [*dict.fromkeys(start.mission.route for start in starts if start.mission.route)]
     numbers = {route: number for number, route in enumerate(routes)}
-    held = [(starts[hold.number], hold) for hold in holds]
-    policy_of = dict(enumerate(policies))
-    rows: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
-        "holds": (
-            ("agent", "agent_id", "name", "policy", "interface", "first_step"),
-            [
-                (hold.number, hold.agent_id, s.name, policy_of.get(s.policy, ""), s.interface, hold.step)
-                for s, hold in held
-            ],
-        ),
-        "routes": (
-            ("route", "edges"),
-            [(number, [*map(graph.edge_number, route)]) for number, route in enumerate(routes)],
-        ),
-        "outcomes": (
-            ("agent", "step", "outcome", "partner_slot", "partner_generation"),
-            sorted(((number, *row) for number, row in outcomes.items()), key=lambda each: each[1]),
-        ),
-        "bubbles": (
-            ("bubble", "id", "actor", "followed"),
-            [(number, each.id, each.actor, each.followed) for number, each in enumerate(bubbles)],
-        ),
-        "bubble_rings": (BUBBLE_RINGS.names, ring_rows(bubbles)),
-    }
-    agents = _agents(starts, holds, outcomes, numbers)
-    return {"agents": agents, **{name: columns_of(*table) for name, table in rows.items()}}
-
-
-def _agents(
-    starts: Sequence[AgentStart],
-    holds: Sequence[Hold],
-    outcomes: Mapping[int, tuple[int, ...]],
-    routes: Mapping[Any, int],
-) -> dict[str, list[Any]]:
-    """Return the table of agents; `routes` numbers their routes."""
     first = {hold.number: hold for hold in reversed(holds)}
+    none = Hold(UNSET, UNSET, UNSET)
     agents = [
-        {
-            **start_columns(start, routes),
-            "agent_id": first[number].agent_id if number in first else UNSET,
-            "entry_step": first[number].step if number in first else UNSET,
-            "end_step": outcomes[number][0] if number in outcomes else UNSET,
-            "outcome": outcomes[number][1] if number in outcomes else int(Outcome.NONE),
-        }
+        start_columns(start, numbers)
+        | {"agent_id": first.get(number, none).agent_id, "entry_step": first.get(number, none).step}
         for number, start in enumerate(starts)
     ]
-    return {name: [_plain(row[name]) for row in agents] for name in (agents[0] if agents else ())}
+    policy_of = dict(enumerate(policies))
+    held = [
+        (hold.number, hold.agent_id, start.name, policy_of.get(start.policy, ""), start.interface, hold.step)
+        for hold in holds
+        for start in [starts[hold.number]]
+    ]
+    edges = [(number, [*map(graph.edge_number, route)]) for number, route in enumerate(routes)]
+    return {
+        "agents": {name: [_plain(row[name]) for row in agents] for name in (agents[0] if agents else ())},
+        "holds": columns_of(("agent", "agent_id", "name", "policy", "interface", "first_step"), held),
+        "routes": columns_of(ROUTES.names, edges),
+    }
+
+
+def outcomes_table(endings: Mapping[int, Ending]) -> dict[str, list[Any]]:
+    """Return the table outcomes of agents that have ended, by number."""
+    names = "end_step", "outcome", "partner_slot", "partner_generation"
+    rows = [(number, *(int(getattr(each, name)) for name in names)) for number, each in endings.items()]
+    return columns_of(("agent", "step", *names[1:]), rows)
+
+
+def bubble_tables(bubbles: Sequence[PlacedBubble]) -> Tables:
+    """Return the tables bubbles and bubble_rings."""
+    facts = [(number, each.id, each.actor, each.followed) for number, each in enumerate(bubbles)]
+    return {
+        "bubbles": columns_of(("bubble", "id", "actor", "followed"), facts),
+        "bubble_rings": columns_of(BUBBLE_RINGS.names, ring_rows(bubbles)),
+    }
 
 
 def _plain(value: Any) -> Any:

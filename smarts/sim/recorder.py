@@ -9,7 +9,7 @@ import concurrent.futures.thread  # noqa: F401
 import math
 import os
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -30,8 +30,8 @@ from smarts.sim.episode_tables import (
     Ending,
     agents_table,
     columns_of,
-    ending_of,
     extras_table,
+    new_endings,
     routes_table,
     rows_by_name,
     start_facts,
@@ -63,18 +63,20 @@ from smarts.types.episode_schema import (
 )
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
+from smarts.types.world import World
 
 OBSERVED = "observation/"
 """Begins the names of annotations that say what an agent observes."""
 _CUT_SHORT = "reset or closed before its end"
 _OVERLAP = "vehicles overlapped at the start"
 
-_TABLES = (
+ROWS = (
     (VEHICLES.name, VEHICLE_ROWS),
     (AGENT_STATES.name, AGENT_ROWS),
     (DECISIONS.name, DECISION_ROWS),
     (SIGNALS.name, SIGNAL_ROWS),
 )
+"""Tables whose rows `take_frame` copies, with their columns of `Buffers.used`."""
 
 
 @dataclass
@@ -299,10 +301,9 @@ class EpisodeRecorder:
                 episode.handovers.failures.append((int(world.step[row]), number, text))
 
     def _take_names(self, row: int, episode: _Episode) -> None:
-        buffers, step, vehicles = self._buffers, int(self._scene.world.step[row]), self._scene.world.vehicles
-        for slot in buffers.newcomers[row, : buffers.used[row, NEWCOMERS]].tolist():
-            name = self._scene.world.registry.name(row, slot)
-            generation = int(buffers.named[row, slot])
+        world = self._scene.world
+        vehicles, step = world.vehicles, int(world.step[row])
+        for slot, generation, name in newcomers(world, self._buffers, row):
             shape = vehicles.kind[row, slot], vehicles.length[row, slot], vehicles.width[row, slot]
             episode.names.append((slot, generation, name, step, *shape))
 
@@ -314,16 +315,13 @@ class EpisodeRecorder:
             if episode is None:
                 continue
             episode.is_complete |= bool(events.finished[row])
-            for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
-                number = int(agents.agent[row, agent_id])
-                if number not in episode.endings:
-                    episode.endings[number] = ending_of(frame, row, agent_id)
+            episode.endings |= new_endings(frame, row, episode.endings)
             if (agents.outcome[row] == Outcome.INVALID).any():
                 episode.invalid = episode.invalid or _OVERLAP
 
     def _flush(self, row: int, episode: _Episode) -> None:
         """Move the rows of full buffers on; those of vehicles, the most by far, are written."""
-        for name, column in _TABLES:
+        for name, column in ROWS:
             used = int(self._buffers.used[row, column])
             if used > len(getattr(self._buffers, name)[row]) // 2:
                 self._empty(row, episode, name, column)
@@ -342,7 +340,7 @@ class EpisodeRecorder:
         episode, self._episodes[row] = self._episodes[row], None
         if episode is None:
             return
-        for name, column in _TABLES:
+        for name, column in ROWS:
             self._empty(row, episode, name, column)
         writer, most = episode.writer, int(self._buffers.most[row])
         small = {name: rows_by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
@@ -382,6 +380,12 @@ class EpisodeRecorder:
             "traffic_overlaps": episode.overlaps,
         }
         return {name: [value] for name, value in facts.items()}
+
+
+def newcomers(world: World, buffers: Buffers, row: int) -> Iterator[tuple[int, int, str]]:
+    """Yield slot, generation and name of the vehicles that the last frame was the first to have."""
+    for slot in buffers.newcomers[row, : buffers.used[row, NEWCOMERS]].tolist():
+        yield slot, int(buffers.named[row, slot]), world.registry.name(row, slot)
 
 
 _open: weakref.WeakSet[EpisodeRecorder] = weakref.WeakSet()

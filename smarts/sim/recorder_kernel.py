@@ -13,7 +13,7 @@ import numpy as np
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.types.actions import Actions
-from smarts.types.agent_states import AgentStates, AgentStatus
+from smarts.types.agent_states import UNSET, AgentStates, AgentStatus
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
 from smarts.types.events import Contacts, Events
 from smarts.types.vehicles import VehicleStates
@@ -54,13 +54,21 @@ class Buffers(NamedTuple):
     """The last recorded signals, shape (B, L)."""
     most: Ints
     """The most vehicles at a time, shape (B,)."""
+    decided: Ints
+    """Step of each agent's newest decision, UNSET where it was taken, shape (B, A)."""
 
     @classmethod
     def allocate(
-        cls, worlds: int, agents: int, capacity: int, lanes: int, *, everything: bool = False
+        cls,
+        worlds: int,
+        agents: int,
+        capacity: int,
+        lanes: int,
+        *,
+        rows: int = 4096,
+        everything: bool = False,
     ) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
-        rows = 4096
         # Where there are many vehicles, larger blocks take fewer bytes in the file.
         near = max(4 * rows if everything else rows, capacity) + capacity
         return cls(
@@ -75,12 +83,14 @@ class Buffers(NamedTuple):
             newcomers=np.zeros((worlds, capacity), np.int32),
             lights=np.zeros((worlds, lanes), np.int8),
             most=np.zeros(worlds, np.int32),
+            decided=np.full((worlds, agents), UNSET, np.int32),
         )
 
     def clear(self, row: int) -> None:
         """Clear the buffers of one simulation."""
         for array in (self.used, self.until, self.known, self.named, self.lights, self.most):
             array[row] = 0
+        self.decided[row] = UNSET
 
 
 @kernel
@@ -122,13 +132,15 @@ def take_frame(
                 and agents.slot[row, agent_id] >= 0
             ):
                 into = out.agent_states[row, out.used[row, AGENT_ROWS]]
-                take_agent(step[row], row, agent_id, agents, events, contacts, into)
+                _take_agent(step[row], row, agent_id, agents, events, contacts, into)
                 out.used[row, AGENT_ROWS] += 1
             if actions.fresh[row, agent_id]:
+                out.decided[row, agent_id] = step[row] - 1 - actions.age[row, agent_id]
+            if out.decided[row, agent_id] >= 0:
+                # The values stay where the action is not fresh any more.
                 into = out.decisions[row, out.used[row, DECISION_ROWS]]
-                take_decision(
-                    step[row] - 1 - actions.age[row, agent_id], row, agent_id, agents, actions, into
-                )
+                _take_decision(out.decided[row, agent_id], row, agent_id, agents, actions, into)
+                out.decided[row, agent_id] = UNSET
                 out.used[row, DECISION_ROWS] += 1
         for lane in range(signals.shape[1]):
             if signals[row, lane] != out.lights[row, lane]:
@@ -171,7 +183,7 @@ def _take_vehicles(
             out.named[row, slot] = generation
             out.newcomers[row, out.used[row, NEWCOMERS]] = slot
             out.used[row, NEWCOMERS] += 1
-        take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
+        _take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
         out.used[row, VEHICLE_ROWS] += 1
     out.most[row] = max(out.most[row], alive)
 
@@ -191,7 +203,7 @@ def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates, 
 
 
 @kernel
-def take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: Floats) -> None:
+def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: Floats) -> None:
     """Copy one vehicle into a row of the table `vehicles`."""
     into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
     into[3], into[4] = vehicles.owner[row, slot], vehicles.kind[row, slot]
@@ -207,7 +219,7 @@ def take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: 
 
 
 @kernel
-def take_agent(
+def _take_agent(
     step: int, row: int, agent_id: int, agents: AgentStates, events: Events, contacts: Contacts, into: Floats
 ) -> None:
     """Copy one agent into a row of the table `agent_states`."""
@@ -225,7 +237,7 @@ def take_agent(
 
 
 @kernel
-def take_decision(
+def _take_decision(
     step: int, row: int, agent_id: int, agents: AgentStates, actions: Actions, into: Floats
 ) -> None:
     """Copy one agent's action into a row of the table `decisions`."""

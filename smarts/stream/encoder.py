@@ -26,6 +26,7 @@ from smarts.stream.motion import (
 )
 from smarts.stream.tables import (
     LIVE,
+    OUTCOMES,
     STATIC,
     STEPPED,
     Columns,
@@ -94,7 +95,7 @@ class EpisodeEncoder:
         return self._stamped(
             [
                 message
-                for table in STATIC
+                for table in (*STATIC, OUTCOMES)
                 if table.name in tables
                 for message in table_messages(table, tables[table.name])
             ]

@@ -62,6 +62,8 @@ STEPPED = (
 )
 """Those whose rows are sent with their steps. Rows of an agent say which row of `agents` it is, since agents
 may have an agent_id in turn."""
+LASTING = SIGNALS.name, BUBBLE_POSES.name
+"""Tables whose rows hold until the next one."""
 LIVE: dict[str, tuple[str, ...]] = {
     AGENT_STATES.name: (
         *("step", "agent", "slot", "generation", "state", "events", "throttle", "brake", "steering"),

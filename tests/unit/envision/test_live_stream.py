@@ -16,7 +16,7 @@ from smarts.envision import server as server_module
 from smarts.envision.viewers import MOST_REQUEST, Request
 from smarts.stream.container import pack, unpack
 from smarts.stream.road_map import map_message, origin_of
-from smarts.stream.tables import LIVE, columns_of, values_of
+from smarts.stream.tables import LIVE, OUTCOMES, columns_of, values_of
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from tests.compact_reading import motion_of
 from tests.maps import straight
@@ -43,17 +43,19 @@ def begin(source="a", serial=1, **facts):
     return {"type": "begin", "facts": facts, "map": 0, "host": "h", "pid": 1, "world": 0, **address}
 
 
-def frame(step, source="a", serial=1, vehicles=3, **more):
-    """Return a frame of vehicles that drive 1 m a step, the first one by agent 0."""
-    rows = np.zeros((vehicles, len(VEHICLES.columns)))
-    rows[:, 0], rows[:, 1], rows[:, 2] = step, np.arange(vehicles), 1
+def frame(step, source="a", serial=1, vehicles=3, first=0, **tables):
+    """Return a frame of vehicles that drive 1 m a step, the first one by agent 0, from slot `first` on."""
+    slots = range(first, vehicles)
+    rows = np.zeros((len(slots), len(VEHICLES.columns)))
+    rows[:, 0], rows[:, 1], rows[:, 2] = step, slots, 1
     rows[:, VEHICLES.names.index("x")] = step
     states = np.zeros((1, len(AGENT_STATES.columns)))
     states[:, 0], states[:, AGENT_STATES.names.index("generation")], states[:, 2] = step, 1, 3
-    names = [(slot, 1, f"car-{slot}") for slot in range(vehicles)] if step == 0 else []
-    blocks = [rows.tobytes(), states.tobytes(), np.zeros((0, len(DECISIONS.columns))).tobytes()]
-    message = {"type": "frame", "step": step, "rows": blocks, "agent": [0], "names": names, "source": source}
-    return {**message, "serial": serial, "signals": [], "bubbles": [], "extras": [], **more}
+    tables |= {"vehicles": rows.tobytes(), "agent_states": states.tobytes()}
+    if step == 0:
+        texts = [f"car-{slot}" for slot in slots]
+        tables["names"] = {"slot": [*slots], "generation": [1] * len(slots), "name": texts}
+    return {"type": "frame", "step": step, "source": source, "serial": serial, "tables": tables}
 
 
 def send(connection, *messages):
@@ -83,16 +85,15 @@ def watch(browser, *ids):
 
 
 @contextmanager
-def watching(server, *before, **first):
+def watching(server, **first):
     """Provide a simulation's process, a viewer of it, and what the viewer got up to the first frame.
 
     Args:
         server: Their server.
-        before: Messages between the beginning and the first frame.
         first: Of the first frame.
     """
     with publisher(server) as simulation, viewer(server) as browser:
-        send(simulation, the_map(), begin(), *before, frame(0, **first))
+        send(simulation, the_map(), begin(), frame(0, **first))
         until(browser, is_listed(id="a"))
         watch(browser, "a")
         yield simulation, browser, until(browser, is_steps(0))
@@ -121,42 +122,45 @@ def test_a_late_viewer_gets_what_lasts_and_the_newest_frame(server):
 def test_vehicles_keep_their_numbers_when_a_process_begins_an_episode_again(server):
     with watching(server) as (simulation, browser, found):
         assert motion_of(found[-1]).number.tolist() == [0, 1, 2]
-        vehicles, *others = frame(1)["rows"]
         # What a publisher sends that has dropped messages; the first vehicle has gone meanwhile.
-        send(simulation, begin(), frame(1, rows=[vehicles[len(vehicles) // 3 :], *others]))
+        send(simulation, begin(), frame(1, first=1))
         assert motion_of(until(browser, is_steps(1))[-1]).number.tolist() == [1, 2]
 
 
-def static(**more):
-    agents = {"agent_id": [0], "name": ["ego"], "end_step": [-1]}
-    holds = {"agent": [0], "agent_id": [0], "name": ["ego"], "policy": [""], "first_step": [0]}
-    outcomes = {name: [] for name in ("agent", "step", "outcome", "partner_slot", "partner_generation")}
-    tables = {"agents": agents, "holds": holds, "routes": {"route": [0], "edges": [[0]]}, **more}
-    message = {"type": "static", "source": "a", "serial": 1}
-    return {**message, "tables": {"outcomes": outcomes, **tables}}
+LASTING = {
+    "agents": {"agent_id": [0], "name": ["ego"]},
+    "holds": {"agent": [0], "agent_id": [0], "name": ["ego"], "policy": [""], "first_step": [0]},
+    "routes": {"route": [0], "edges": [[0]]},
+}
 
 
-def test_tables_that_last_are_sent_when_they_change(server):
+def test_tables_that_last_are_sent_when_they_come_and_to_late_viewers(server):
     def names(found):
         return {m["name"] for m in found if m["type"] == "table" and m["name"] != "agent_states"}
 
-    with watching(server, static()) as (simulation, browser, found):
-        assert names(found) == {"agents", "holds", "routes"}
-        two = {"route": [0, 1], "edges": [[0], [0]]}
-        ended = {"agents": {"agent_id": [0], "name": ["ego"], "end_step": [3]}}
-        changes = ({}, set()), ({"routes": two}, {"routes"}), ({"routes": two} | ended, {"agents", "holds"})
-        for step, (more, expected) in enumerate(changes, 1):
-            send(simulation, static(**more), frame(step))
+    with watching(server, **LASTING) as (simulation, browser, found):
+        assert names(found) == {*LASTING}
+        outcomes = {name: [0] for name in OUTCOMES.names}
+        for step, (more, expected) in enumerate((({}, set()), ({"outcomes": outcomes}, {"outcomes"})), 1):
+            send(simulation, frame(step, **more))
             assert names(until(browser, is_steps(step))) == expected
+        with viewer(server) as late:
+            watch(late, "a")
+            assert names(until(late, is_steps(2))) == {*LASTING, "outcomes"}
 
 
-def test_lights_are_sent_when_they_change(server):
-    with watching(server, signals=[(1, 3)]) as (simulation, browser, found):
-        send(simulation, frame(1, signals=[(1, 3)]), frame(2, signals=[(1, 1), (2, 3)]), frame(3))
-        found += until(browser, is_steps(3))
-        rows = [columns_of(m) for m in found if m["type"] == "table" and m["name"] == "signals"]
-        shown = [(s, *each) for r in rows for s, *each in zip(r["step"], r["lane"], r["signal"], strict=True)]
-        assert shown == [(0, 1, 3), (2, 1, 1), (2, 2, 3), (3, 1, 0), (3, 2, 0)]
+def test_a_late_viewer_gets_the_newest_of_each_light(server):
+    def lights(*rows):
+        return np.array(rows, float).tobytes()
+
+    with watching(server, signals=lights((0, 1, 3))) as (simulation, browser, _):
+        send(simulation, frame(1), frame(2, signals=lights((2, 1, 1), (2, 2, 3))), frame(3))
+        until(browser, is_steps(3))
+        with viewer(server) as late:
+            watch(late, "a")
+            found = until(late, is_steps(3))
+        (rows,) = [columns_of(m) for m in found if m["type"] == "table" and m["name"] == "signals"]
+        assert [*zip(*map(list, rows.values()), strict=True)] == [(3, 1, 1), (3, 2, 3)]
 
 
 def test_the_next_episode_has_the_next_serial_and_a_lost_process_ends_it(server):
@@ -174,9 +178,8 @@ def test_the_next_episode_has_the_next_serial_and_a_lost_process_ends_it(server)
 @pytest.mark.parametrize(
     "damage",
     [
-        lambda m: {**m, "rows": [b"1234567", b"", b""]},
-        lambda m: {**m, "agent": []},
-        lambda m: {**begin("b"), "map": 1},
+        lambda m: {**m, "tables": {**m["tables"], "vehicles": b"1234567"}},
+        lambda m: {**m, "tables": {}},
     ],
 )
 def test_a_publisher_that_sends_damage_is_refused_and_the_others_stay(server, damage):
@@ -337,7 +340,8 @@ def test_a_process_is_asked_for_the_observations_that_are_looked_at(server):
                 second.send(json.dumps({"watch": ["a", "b"], "observe": {"a": 1, "b": 7}}))
                 assert asked(simulation) == {"a": [1, 2], "b": [7]}
             assert asked(simulation) == {"a": [2]}
-            observed = [(0, 0, "speed", struct.pack("<f", 7.5))]
+            rows = (("step", 0), ("agent_id", 0), ("name", "speed"), ("values", struct.pack("<f", 7.5)))
+            observed = {name: [value] for name, value in rows}
             send(simulation, frame(1, "a", observations=observed))
             found = until(browser, is_steps(1))
             (table,) = [m for m in found if m["type"] == "table" and m["name"] == "observations"]
