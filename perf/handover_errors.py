@@ -66,8 +66,8 @@ def step_errors(before: dict[str, NDArray], now: dict[str, NDArray], dt: float) 
     )
 
 
-def print_tally(tally: Tally) -> None:
-    """Print a table of what was measured."""
+def print_errors(tally: Tally) -> None:
+    """Print a table of the errors."""
     print(
         f"{'':24}{'count':>8}" + "".join(f"{name + suffix:>14}" for name in ERRORS for suffix in ("", " 99%"))
     )
@@ -79,6 +79,11 @@ def print_tally(tally: Tally) -> None:
             for value in (column.max(initial=0.0), np.quantile(column, 0.99) if len(column) else 0.0)
         )
         print(f"{what:24}{len(table):8}{cells}")
+
+
+def print_tally(tally: Tally) -> None:
+    """Print a table of what was measured."""
+    print_errors(tally)
     waits = np.array(tally.waits)
     print(f"taken: {dict(tally.places)}, {dict(tally.kinds)}")
     print(f"ends of holds: {dict(tally.ends)}")

@@ -20,6 +20,7 @@ from smarts.recordings.matching import lanes_of, routes_of
 from smarts.recordings.paths import Paths
 from smarts.recordings.tracks import RecordingError, Tracks
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.paces import LATERAL
 from smarts.types.vehicles import VehicleKind
 
 NAME = "history-vehicle-"
@@ -30,6 +31,8 @@ AHEAD = 10.0
 """The pace of a place is the largest speed that was driven within this distance behind it [m]."""
 SLOWEST = 1.0
 """The least pace [m/s]."""
+DECEL = 2.0
+"""Deceleration before bends of lanes [m/s^2]."""
 BLEND = 30.0
 """Distance within which a path that continues along a lane reaches the middle of the lane [m]."""
 NEAR = 3.0
@@ -205,9 +208,13 @@ def _onward(roads: LaneGraph, lane: int) -> NDArray:
     xy, turn = roads.point_xy[rows], np.unwrap(roads.point_heading[rows])
     pace = np.repeat(roads.speed_limit[lanes], np.diff(roads.point_start)[lanes])
     apart = np.append(0.0, np.hypot(*np.diff(xy, axis=0).T))
-    # A lane begins where the lane before ends.
-    is_new = np.append(True, apart[1:] > 1e-3)
-    return np.column_stack([xy, turn, np.cumsum(apart), pace])[is_new]
+    # A lane begins where the lane before ends, or within a centimetre, to any side.
+    is_new = np.append(True, apart[1:] > LEAST_PROGRESS)
+    xy, turn, s, pace = xy[is_new], turn[is_new], np.cumsum(apart)[is_new], pace[is_new]
+    bend = np.abs(np.interp(s + 2.0, s, turn) - np.interp(s - 2.0, s, turn)) / 4.0
+    bent = np.minimum(pace**2, LATERAL / np.maximum(bend, 1e-4)) + 2.0 * DECEL * s
+    slower = np.sqrt(np.minimum.accumulate(bent[::-1])[::-1] - 2.0 * DECEL * s)
+    return np.column_stack([xy, turn, s, np.maximum(slower, SLOWEST)])
 
 
 def lane_path(roads: LaneGraph, lane: int) -> Paths:

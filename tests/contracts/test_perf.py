@@ -47,6 +47,7 @@ ELSEWHERE = {
     "real_maps",
     "recorded",
     "recorded_brakes",
+    "recorded_bubbles",
     "yardsticks",
 }
 """Scripts that take minutes, have their own tests, or draw a picture of a page."""

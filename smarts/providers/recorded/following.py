@@ -26,6 +26,8 @@ ACCEL, DECEL, HARDEST = 2.0, 3.0, 8.0
 """A driver's acceleration, its deceleration without need, and its hardest one [m/s^2]."""
 SLOPE = 0.8
 """How much faster than the log a vehicle drives that is a metre late [1/s]."""
+SOON = 1.0
+"""Vehicles give way to others that will be on their path, and ahead of them, after this time [s]."""
 LEAST_BLEND, BLEND_TIME = 15.0, 2.0
 """A vehicle reaches the middle of its path within this distance [m] or time [s], whichever is longer."""
 MISALIGNED = 0.5
@@ -113,7 +115,7 @@ def acceleration(n: Recorded, b: int, slot: int, p: int, s: float, ignores_log: 
 def allowed_acceleration(
     n: Recorded, b: int, slot: int, body: Body, p: int, s: float, ignores_log: bool
 ) -> float:
-    """Return how a vehicle may accelerate for what is on a path ahead of it [m/s^2].
+    """Return how a vehicle may accelerate for what is on a path ahead of it, or will be `SOON` [m/s^2].
 
     Args:
         n: Recorded traffic.
@@ -140,15 +142,27 @@ def allowed_acceleration(
         half_length2, half_width2 = 0.5 * v.length[b, other], 0.5 * v.width[b, other]
         if math.hypot(pose[0] - x, pose[1] - y) > reach + half_length + half_length2:
             continue
-        gap, cosine = gap_on_path(
-            n.paths, p, s, half_length, half_width, reach, pose, half_length2, half_width2
-        )
-        if gap < np.inf:
-            along = max(0.0, v.speed[b, other] * cosine)
-            # Vehicles of other providers have made this step already.
-            gap = max(SLACK, gap if is_own else gap - along * n.dt)
-            braking = idm_interaction(ACCEL, DECEL, headway, STANDING_GAP, gap, speed, along)
-            least = min(least, ACCEL - braking)
+        for after in (0.0, SOON):
+            gone = after * v.speed[b, other]
+            there = pose[0] + gone * math.cos(pose[2]), pose[1] + gone * math.sin(pose[2]), pose[2]
+            gap, cosine = gap_on_path(
+                n.paths,
+                p,
+                s + after * speed,
+                half_length,
+                half_width,
+                reach,
+                there,
+                half_length2,
+                half_width2,
+            )
+            if gap < np.inf:
+                along = max(0.0, v.speed[b, other] * cosine)
+                # Vehicles of other providers have made this step already.
+                gap = max(SLACK, gap if is_own else gap - along * n.dt)
+                braking = idm_interaction(ACCEL, DECEL, headway, STANDING_GAP, gap, speed, along)
+                least = min(least, ACCEL - braking)
+                break
     return least
 
 

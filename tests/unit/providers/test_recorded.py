@@ -10,6 +10,7 @@ import shapely
 import shapely.affinity
 
 from smarts.geometry.binding import bind
+from smarts.geometry.boxes import boxes_overlap
 from smarts.providers.recorded.engine import NAME, Recorded
 from smarts.providers.recorded.state import Entry
 from smarts.recordings.gaps import gap_on_path
@@ -232,6 +233,28 @@ def test_a_vehicle_that_was_held_up_comes_back_on_schedule_and_its_follower_too(
     play.step(340)
     for name, begin in (("a", 0.0), ("b", 3.0)):
         assert play.state(name)[0] == pytest.approx(12.0 * (43.0 - begin), abs=1e-9)
+
+
+def test_a_late_vehicle_and_those_beside_it_give_way_to_each_other_where_it_changes_lanes(tmp_path):
+    t = np.arange(0.0, 30.0, 0.2)
+    y = 3.2 * np.clip((t - 7.0) / 2.5, 0.0, 1.0)
+    rows = np.column_stack([t, 10.0 * t, y, np.arctan2(np.gradient(y), 2.0), np.full(len(t), 10.0)])
+    begins = np.arange(-2.5, 4.0, 0.5)
+    play = Play(tmp_path, worlds=len(begins))
+    beside = [straight("b", begin + 2.5, begin + 32.5, 0.0, 3.2, 12.0) for begin in begins]
+    play.reset(*(play.log([track_of("a", rows), other]) for other in beside), mode="reactive")
+    agents = [play.put(row, 60.0, 0.0) for row in range(len(begins))]
+    hits = np.zeros(len(begins), bool)
+    for step in range(200):
+        play.step()
+        for row in range(len(begins)):
+            if step == 50:
+                play.world.registry.dismiss(row, agents[row])
+            if play.slot("a", row) >= 0 and play.slot("b", row) >= 0:
+                one, other = play.state("a", row), play.state("b", row)
+                size = np.array([5.0, 1.8])
+                hits[row] |= boxes_overlap(one[:2], one[2], size, other[:2], other[2], size)
+    assert not hits.any()
 
 
 def test_a_track_that_the_end_of_the_recording_cuts_off_drives_on_along_its_lane(play):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from smarts.errors import TrafficError
-from smarts.recordings.log import Log, make_log
+from smarts.recordings.log import Log, lane_path, make_log
 from smarts.recordings.tracks import RecordingError
+from smarts.sstudio.build import build_scenario
 from tests import maps
 from tests.tracks import straight, track_of, tracks_of
 
@@ -60,3 +61,14 @@ def test_routes_lead_through_junctions():
     (route,) = make_log(tracks_of([track]), roads).routes
     assert len(route) == 2
     assert roads.edge_to[route[0]] == roads.edge_from[route[1]]
+
+
+def test_vehicles_slow_down_before_bends_of_lanes():
+    roads = build_scenario("intersection").roads()
+    for lane in range(len(roads.lane_ids)):
+        path = lane_path(roads, lane)
+        apart, turned = np.diff(path.point_s), np.abs(np.diff(path.point_turn))
+        assert apart.min() > 0.1
+        bend = np.interp(path.point_s, path.point_s[1:], turned / apart)
+        assert (path.point_pace**2 * bend).max() < 6.0
+        assert (np.diff(path.point_pace**2) > -2.0 * 2.0 * apart - 1e-6).all()
