@@ -75,7 +75,7 @@ class Listener:
         self._touched: set[tuple[int, int]] = set()
         self._given_back: set[int] = set()
 
-    def reset(self, agents: Bools) -> None:
+    def reset(self, egos: Bools) -> None:
         """See `StepListener`."""
 
     def collect(self, frame: Frame, is_last: bool) -> None:
