@@ -17,6 +17,7 @@ from smarts.whole_files import written_whole
 QUALITY = 20
 """The encoder's constant rate factor for films, from 0 (lossless) to 51."""
 Image = NDArray[np.uint8]
+"""Red, green, blue, shape (height, width, 3)."""
 
 MOVING = (".gif", ".mp4")
 STILL = (".png",)

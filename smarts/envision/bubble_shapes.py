@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -50,6 +51,22 @@ def bubble_shapes(
         begin = centre + ahead * ((corners - centre) @ ahead).max()
         ends = tuple(begin), tuple(begin + ARROW * ahead)
         yield FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=12, color=BUBBLE, zorder=8)
+
+
+def placed_shapes(
+    zone: Sequence[Floats],
+    margin: Sequence[Floats],
+    pose: Sequence[float],
+    *,
+    name: str,
+    travels: bool,
+    is_active: bool,
+) -> Iterator[Artist]:
+    """Yield the shapes of a bubble at a pose; the rings of one that travels are as before it follows."""
+    moved_zone, moved_margin = ([moved(ring, pose) for ring in rings] for rings in (zone, margin))
+    # Outlines are given for a vehicle that faces north.
+    heading = pose[2] + math.pi / 2 if travels else None
+    yield from bubble_shapes(moved_zone, moved_margin, name=name, heading=heading, is_active=is_active)
 
 
 def moved(ring: Floats, pose: Sequence[float]) -> Floats:

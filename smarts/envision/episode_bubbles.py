@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.artist import Artist
 
 from smarts.arrays import Floats
-from smarts.envision.bubble_shapes import bubble_shapes, moved
+from smarts.envision.bubble_shapes import moved, placed_shapes
 from smarts.sim.episode_files import RecordedEpisode
 
 
@@ -41,13 +40,11 @@ class EpisodeBubbles:
             change = np.searchsorted(now[:, 0], step, side="right") - 1
             if change >= 0:
                 _, *pose, is_active = now[change].tolist()
-                zone, margin = (
-                    [moved(ring, pose) for ring in self._rings[number, is_margin]]
-                    for is_margin in (False, True)
+                zone, margin = self._rings[number, False], self._rings[number, True]
+                travels = self._travels[number]
+                yield from placed_shapes(
+                    zone, margin, pose, name=name, travels=travels, is_active=bool(is_active)
                 )
-                # Outlines are given for a vehicle that faces north.
-                heading = pose[2] + math.pi / 2 if self._travels[number] else None
-                yield from bubble_shapes(zone, margin, name=name, heading=heading, is_active=bool(is_active))
 
     def corners(self) -> Floats:
         """Return all corners of all bubbles in all poses [m], shape (., 2)."""

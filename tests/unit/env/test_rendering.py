@@ -32,7 +32,7 @@ def test_vehicles_are_drawn_where_they_are(parallel):
     image = parallel.render()
     assert image.shape == (HEIGHT, WIDTH, 3)
     assert image.dtype == np.uint8
-    world, axes = parallel._env.runner.world, parallel._env.renderer._picture._axes
+    world, axes = parallel._env.runner.world, parallel._env.renderer._picture._view.axes
     for agent_id, slot in enumerate(world.agents.slot[0, :4].tolist()):
         expected = axes.transData.transform(world.vehicles.position[0, slot])
         # The numbers beside vehicles and the rings at goals have the colour, too.
