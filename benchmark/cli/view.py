@@ -121,10 +121,10 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
     """Write the best, the worst, and one of each further kind of failure of many episodes."""
     from smarts.envision.notable_episodes import write_notable
 
-    written = write_notable(library, html)
-    for notable, page in written.pages:
-        typer.echo(f"{page}: {notable.label}")
-    for entry, why in written.left_out:
+    shown, left_out = write_notable(library, html)
+    for notable in shown:
+        typer.echo(f"{html}: {notable.label}")
+    for entry, why in left_out:
         typer.echo(f"{entry.run}/{entry.label} is left out: {why}", err=True)
 
 

@@ -13,8 +13,8 @@ from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
 from smarts.envision.episode_library import Entry, EpisodeLibrary
-from smarts.envision.notable_episodes import NO_FAILURE, Notable, fitting, notable_episodes, write_notable
-from smarts.envision.viewer_page import Embedded, page_with
+from smarts.envision.notable_episodes import NO_FAILURE, Notable, embedded, notable_episodes, write_notable
+from smarts.envision.viewer_page import page_with
 from smarts.errors import SmartsError
 from smarts.sstudio.locating import VARIATION_MARK
 
@@ -63,12 +63,9 @@ def _links(
 ) -> tuple[tuple[tuple[str, str], ...], str]:
     """Return the links, and which episodes are left out."""
     page_name = f"{run.place.replace('/', '-')}.html"
-    written = write_notable(_tested(episodes, mode, run), folder / EPISODES / page_name)
-    links = tuple(
-        (notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}")
-        for notable, page in written.pages
-    )
-    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in written.left_out)
+    shown, left_out = write_notable(_tested(episodes, mode, run), folder / EPISODES / page_name)
+    links = tuple((notable.label, f"{EPISODES}/{page_name}#e={notable.entry.id}") for notable in shown)
+    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in left_out)
 
 
 def _tested(episodes: Path, mode: str, run: RunResult) -> EpisodeLibrary:
@@ -123,18 +120,13 @@ def replays(results: Results, mode: str, name: str) -> Replays:
         chosen += _typical_failure(library.entries(), chosen)
     except SmartsError:  # none of this way of acting
         return Replays()
-    shown: list[Embedded] = []
-    left_out: list[str] = []
-    page = ""
-    for each in chosen:
-        try:
-            embedded = fitting(library, each)
-            page = page_with([*shown, embedded])
-        except SmartsError as error:  # damaged, or too large beside those before it
-            left_out.append(f"{each.why}: {error.problem}")
-        else:
-            shown.append(embedded)
-    return Replays(tuple((each.why, each.id) for each in shown), page.encode(), tuple(left_out))
+    shown, left_out = embedded(library, chosen)
+    page = page_with([each for _, each in shown]) if shown else ""
+    return Replays(
+        tuple((each.why, each.entry.id) for each, _ in shown),
+        page.encode(),
+        tuple(f"{entry.label}: {why}" for entry, why in left_out),
+    )
 
 
 def _typical_failure(entries: Sequence[Entry], shown: Sequence[Notable]) -> list[Notable]:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from smarts.envision.compact_episode import compact_episode
 from smarts.envision.episode_library import Entry, EpisodeLibrary, read_compact
-from smarts.envision.viewer_page import MOST_BYTES, Embedded, page_with, room_of_page
+from smarts.envision.viewer_page import Embedded, page_with
 from smarts.errors import SmartsError
-from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.events import Outcome
 from smarts.whole_files import written_whole
 
 GOAL = Outcome.GOAL.name.lower()
 NO_FAILURE = {each.name.lower() for each in (Outcome.NONE, Outcome.GOAL, Outcome.OTHER, Outcome.LEFT_BUBBLE)}
 """Outcomes that are neither good nor bad, and the goal."""
-_SHORTEST = 2.0
-"""A long episode is cut to what is before its end, but not shorter than this [s]."""
 _MOST_NAMED = 3
 """Damaged episodes in an error."""
 
@@ -38,14 +34,8 @@ class Notable:
         return f"{self.why}: {ends} ({self.entry.scenario}, {self.entry.seconds:.0f} s)"
 
 
-@dataclass(frozen=True)
-class Written:
-    """What `write_notable` has written."""
-
-    pages: tuple[tuple[Notable, Path], ...]
-    """Each episode with its page."""
-    left_out: tuple[tuple[Entry, str], ...]
-    """Each damaged or too large episode with the reason."""
+LeftOut = list[tuple[Entry, str]]
+"""Episodes that cannot be shown, each with the reason."""
 
 
 def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
@@ -86,81 +76,41 @@ def _kinds_of_failure(whole: list[Entry], shown: set[str]) -> Iterator[tuple[Ent
             yield clearest, name.replace("_", " ")
 
 
-def write_notable(library: EpisodeLibrary, out: Path) -> Written:
-    """Write the notable episodes of a library into as few pages as their size allows.
+def embedded(
+    library: EpisodeLibrary, chosen: Iterable[Notable]
+) -> tuple[list[tuple[Notable, Embedded]], LeftOut]:
+    """Return episodes as a page holds them, and those that are damaged."""
+    shown: list[tuple[Notable, Embedded]] = []
+    left_out: LeftOut = []
+    for each in chosen:
+        entry, path = each.entry, library.path(each.entry.id)
+        assert path is not None
+        try:
+            shown.append((each, Embedded(entry.id, entry.label, read_compact(path), each.why)))
+        except SmartsError as error:
+            left_out.append((entry, error.problem))
+    return shown, left_out
 
-    An episode that is too long for a page is cut to its last part. One that is damaged is left out, and the
-    choice is made among the others.
 
-    Args:
-        library: That has the episodes.
-        out: The first page; further ones have a number behind the name.
+def write_notable(library: EpisodeLibrary, out: Path) -> tuple[list[Notable], LeftOut]:
+    """Write a page with the notable episodes of a library; return them, and those that are damaged.
 
     Raises:
-        SmartsError: No episode can be shown, or a page cannot be written.
+        SmartsError: No episode can be shown, or the page cannot be written.
     """
     entries = library.entries()
-    left_out = [(each, each.error) for each in entries if each.error]
-    made: dict[tuple[str, str], Embedded] = {}
-    while True:
-        damaged = {entry.id for entry, _ in left_out}
-        chosen = notable_episodes(each for each in entries if each.id not in damaged)
-        missing = next((each for each in chosen if (each.entry.id, each.why) not in made), None)
-        if missing is None:
-            break
-        try:
-            made[missing.entry.id, missing.why] = fitting(library, missing)
-        except SmartsError as error:
-            left_out.append((missing.entry, error.problem))
-    if not chosen:
+    shown, left_out = embedded(library, notable_episodes(entries))
+    left_out += [(each, each.error) for each in entries if each.error]
+    if not shown:
         raise SmartsError(
             f"none of {len(entries)} episodes can be shown"
             + "".join(f"; {entry.label}: {why}" for entry, why in left_out[:_MOST_NAMED]),
             place=str(out),
             remedy="record episodes until they end, or name an unfinished one alone",
         )
-    episodes = [(each, made[each.entry.id, each.why]) for each in chosen]
-    return Written(tuple(_write_pages(episodes, out)), tuple(left_out))
-
-
-def _write_pages(episodes: Iterable[tuple[Notable, Embedded]], out: Path) -> list[tuple[Notable, Path]]:
-    """Write episodes into as few pages as their size allows; return each with its page."""
-    pages: list[list[tuple[Notable, Embedded]]] = [[]]
-    for episode in episodes:
-        if pages[-1] and room_of_page([each for _, each in (*pages[-1], episode)]) > MOST_BYTES:
-            pages.append([])
-        pages[-1].append(episode)
-    written = []
-    for number, page in enumerate(pages):
-        path = out if number == 0 else out.with_stem(f"{out.stem}-{number + 1}")
-        with written_whole(path) as partial:
-            partial.write_text(page_with([embedded for _, embedded in page]), encoding="utf-8")
-        written += [(notable, path) for notable, _ in page]
-    return written
-
-
-def fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
-    """Return an episode that fits into a page alone.
-
-    Raises:
-        SmartsError: It is damaged, or too large.
-    """
-    entry = notable.entry
-    path = library.path(entry.id)
-    assert path is not None
-    embedded = Embedded(entry.id, entry.label, read_compact(path), notable.why)
-    seconds = entry.seconds
-    while room_of_page([embedded]) > MOST_BYTES:
-        seconds /= 1.5
-        if path.is_file() or seconds < _SHORTEST:
-            raise SmartsError(
-                f"{len(embedded.data) / 1e6:.1f} MB, too much for a page of {MOST_BYTES / 1e6:.0f} MB",
-                place=str(path),
-                remedy="open it with `smarts-bench view`, which has no limit",
-            )
-        part = compact_episode(RecordedEpisode(path), entry.seconds - seconds, policy=entry.policy)
-        embedded = replace(embedded, label=f"{entry.label}, last {seconds:.0f} s", data=part)
-    return embedded
+    with written_whole(out) as partial:
+        partial.write_text(page_with([each for _, each in shown]), encoding="utf-8")
+    return [each for each, _ in shown], left_out
 
 
 def _share(entry: Entry) -> float:

@@ -23,7 +23,7 @@ class EpisodeFrame:
         height: Height of the frame [pixels].
 
     Raises:
-        SmartsError: The episode is damaged, or too long for a page of 2 MB.
+        SmartsError: The episode is damaged.
     """
 
     def __init__(

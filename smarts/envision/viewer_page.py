@@ -11,11 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from smarts.errors import SmartsError
-
 PAGE = Path(__file__).parent / "viewer.html"
-MOST_BYTES = 2_000_000
-"""Largest size of a page with episodes inside."""
 _PLACE = "<!--EPISODE-->"
 _INLINE = re.compile(r"<(script|style)\b([^>]*)>(.*?)</\1>", re.DOTALL | re.IGNORECASE)
 _LOADS_NOTHING = (
@@ -53,29 +49,8 @@ def policy_of(page: str) -> str:
 
 
 def page_with(episodes: Sequence[Embedded], page: str | None = None) -> str:
-    """Return the page with episodes inside, which needs neither server nor network.
-
-    Raises:
-        SmartsError: The page is larger than `MOST_BYTES`.
-    """
+    """Return the page with episodes inside, which needs neither server nor network."""
     page = viewer_page() if page is None else page
-    whole = _whole(page, episodes)
-    size = len(whole.encode())
-    if size > MOST_BYTES:
-        raise SmartsError(
-            f"a page of {size / 1e6:.1f} MB, more than {MOST_BYTES / 1e6:.0f} MB",
-            place=", ".join(each.label for each in episodes),
-            remedy="give fewer episodes, or a part with --begin and --end (s); a file of --out may be larger",
-        )
-    return whole
-
-
-def room_of_page(episodes: Sequence[Embedded]) -> int:
-    """Return how many bytes the page has with episodes inside."""
-    return len(_whole(viewer_page(), episodes).encode())
-
-
-def _whole(page: str, episodes: Sequence[Embedded]) -> str:
     scripts = "".join(
         f'<script type="application/octet-stream" data-id="{html.escape(each.id)}" '
         f'data-label="{html.escape(each.label)}" data-why="{html.escape(each.why)}">'

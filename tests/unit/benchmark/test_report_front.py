@@ -14,8 +14,8 @@ from benchmark.report.html import report_page
 from benchmark.report.robustness import robustness_of
 from benchmark.report.summary import summaries_of
 from benchmark.results.reading import read_results
+from smarts.envision import notable_episodes
 from smarts.envision.episode_library import Entry, EpisodeLibrary
-from smarts.envision.viewer_page import Embedded
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run, write_test
 
@@ -150,17 +150,18 @@ def test_an_episode_that_cannot_be_shown_is_left_out_alone(tmp_path, monkeypatch
     ]
     monkeypatch.setattr(episode_pages, "_tested", lambda *_: library)
 
-    def fitting(_, notable):
-        if notable.entry.id == "bad":
+    def read_compact(path):
+        if path == "bad":
             raise SmartsError("damaged")
-        return Embedded(notable.entry.id, notable.entry.label, b"", notable.why)
+        return b""
 
-    monkeypatch.setattr(episode_pages, "fitting", fitting)
+    library.path = lambda number: number
+    monkeypatch.setattr(notable_episodes, "read_compact", read_compact)
     played = episode_pages.replays(read_results(tmp_path), "greedy", "ppo")
-    assert (played.episodes, played.left_out) == ((("best", "good"),), ("worst: damaged",))
+    assert (played.episodes, played.left_out) == ((("best", "good"),), ("bad: damaged",))
     report = make_report(read_results(tmp_path))
     page = report_page(report, summaries_of(report), (), robustness_of(report), played)
-    assert "Left out: worst: damaged." in page
+    assert "Left out: bad: damaged." in page
 
 
 def test_a_line_has_a_gap_where_a_value_is_not_known():

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 from benchmark.cli import app
 from benchmark.report.writing import write_report
 from smarts.envision import notable_episodes as notable
-from smarts.envision import viewer_page
-from smarts.envision.episode_library import Entry, EpisodeLibrary
+from smarts.envision.episode_library import Entry
 from smarts.errors import SmartsError
 from smarts.types.events import Outcome
 from tests.compact_reading import CompactEpisode
@@ -107,7 +106,6 @@ def test_a_run_as_one_page(run, tmp_path):
     assert done.exit_code == 0
     episodes = embedded(out)
     assert [*episodes] == ["best", "worst", "collision"]
-    assert out.stat().st_size <= viewer_page.MOST_BYTES
     for each in episodes.values():
         assert each.is_whole
         assert each.facts["policy"] == "ppo"
@@ -172,17 +170,3 @@ def test_a_report_links_the_episodes_and_a_later_one_keeps_them(run, tmp_path):
     before = written(page.parent)
     assert sum(name.endswith(".html") for name in before) == 2
     assert written(write_report(results).parent) == before
-
-
-def test_a_long_episode_is_cut_to_its_last_part(run, monkeypatch):
-    library = EpisodeLibrary([run])
-    best = notable.notable_episodes(library.entries())[0]
-    whole = viewer_page.room_of_page([notable.fitting(library, best)])
-    monkeypatch.setattr(notable, "MOST_BYTES", whole - 100)
-    part = notable.fitting(library, best)
-    motion = CompactEpisode(part.data).motion
-    assert viewer_page.room_of_page([part]) <= whole - 100
-    assert 0 < motion.step.min() < motion.step.max() == 200
-    monkeypatch.setattr(notable, "MOST_BYTES", 1000)
-    with pytest.raises(SmartsError, match="MB"):
-        notable.fitting(library, best)
