@@ -46,13 +46,8 @@ def view(
     live: Annotated[
         bool, typer.Option("--live", help="Show simulations that run with SMARTS_ENVISION=host:port.")
     ] = False,
-    host: Annotated[
-        str, typer.Option(help="Address to listen at; others than this machine's own ask for a token.")
-    ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="0: any that is free.", min=0, max=65535)] = 8081,
-    browser: Annotated[
-        bool, typer.Option(help="Open a browser, where there is a display and no token.")
-    ] = True,
+    browser: Annotated[bool, typer.Option(help="Open a browser, where there is a display.")] = True,
 ) -> None:
     """Show recorded episodes and running simulations in a browser."""
     if not paths and not live:
@@ -70,13 +65,12 @@ def view(
     from smarts.envision.server import ViewServer
 
     library = EpisodeLibrary(paths) if paths else None
-    server = ViewServer(library, live=live, host=host, port=port)
+    server = ViewServer(library, live=live, port=port)
     count = len(library.entries(0)) if library else 0
     episodes = f"{count} {'episode' if count == 1 else 'episodes'}" if library else ""
     shown = " and ".join(part for part in (episodes, "running simulations" if live else "") if part)
     typer.echo(f"{shown} at {server.url} (Ctrl-C ends)")
-    # Other users of the machine see what programs are started with, so that a token is not among it.
-    if browser and not server.token and _has_browser():
+    if browser and _has_browser():
         # In a thread, since some browsers return when they are closed. The server's port is open already.
         threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     server.run()

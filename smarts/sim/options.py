@@ -48,8 +48,8 @@ class Options:
     """Names of learning agents of which is recorded, too, what they observe: by the sensors of their
     interfaces, and as arrays."""
     envision: str | None = None
-    """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
-    It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
+    """Server of `smarts-bench view --live` that shows the simulations, as "host:port". It may come and
+    go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
     policy: str = ""
     """Name of the learning agents' policy, for viewers: an algorithm's, "" if it has none."""
     traffic_engine: str | None = None

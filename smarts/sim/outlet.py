@@ -27,10 +27,8 @@ _CONNECTING = 5.0
 """The longest time that an attempt takes [s]."""
 _LONGEST = 0.5
 """How long a server that takes nothing may hold up the simulation before the connection ends [s]."""
-_REFUSED = (401, 403)
-"""Statuses of a server that does not take simulations from this process."""
 Content = Mapping[str, Any]
-_ADDRESS = re.compile(r"(?:(?P<token>[^@\s]+)@)?(?P<host>[^@\s/]+):(?P<port>\d{1,5})")
+_ADDRESS = re.compile(r"(?P<host>[^@\s/]+):(?P<port>\d{1,5})")
 
 
 @dataclass(frozen=True)
@@ -39,12 +37,10 @@ class Address:
 
     host: str
     port: int
-    token: str = ""
-    """Token that the server asks for, "" on loopback."""
 
     @classmethod
     def parse(cls, text: str, place: str) -> Address:
-        """Return the address in a text "host:port" or "token@host:port".
+        """Return the address in a text "host:port".
 
         Raises:
             SmartsError: The text is no address.
@@ -54,9 +50,9 @@ class Address:
             raise SmartsError(
                 f"'{text}' is no address of a viewer",
                 place=place,
-                remedy="give host:port, such as 127.0.0.1:8081, and token@host:port for another machine",
+                remedy="give host:port, such as 127.0.0.1:8081",
             )
-        return cls(found["host"], int(found["port"]), found["token"] or "")
+        return cls(found["host"], int(found["port"]))
 
 
 class Outlet:
@@ -121,10 +117,9 @@ class Outlet:
 
     def _work(self) -> None:
         while not self._closing.is_set():
-            try:
+            # A server that is not there, or runs without --live, may come.
+            with contextlib.suppress(Exception):
                 self._serve()
-            except Exception as error:
-                _warn_refused(error, self._address)
             self._connection, self.observed = None, {}
             self._closing.wait(_RETRY)
 
@@ -133,13 +128,10 @@ class Outlet:
         # Only runs that are watched wait for it.
         from websockets.sync.client import connect
 
-        host, token = self._address.host, self._address.token
+        host = self._address.host
         uri = f"ws://{f'[{host}]' if ':' in host else host}:{self._address.port}/publish"
-        headers = {"Authorization": f"Bearer {token}"} if token else {}
         times = {"open_timeout": _CONNECTING, "close_timeout": _LONGEST, "ping_interval": None}
-        with connect(
-            uri, additional_headers=headers, compression=None, proxy=None, max_size=4096, **times
-        ) as connection:
+        with connect(uri, compression=None, proxy=None, max_size=4096, **times) as connection:
             longest = struct.pack("ll", 0, round(1e6 * _LONGEST))
             connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, longest)
             self.epoch += 1
@@ -147,21 +139,3 @@ class Outlet:
             while True:
                 observed = json.loads(connection.recv())["observe"]
                 self.observed = {str(source): [*map(int, agents)] for source, agents in observed.items()}
-
-
-_warned: set[Address] = set()
-"""Addresses whose servers have refused this process, each of which is named once."""
-
-
-def _warn_refused(error: Exception, address: Address) -> None:
-    """Warn if a server has answered and refused; one that is not there may come."""
-    status = getattr(getattr(error, "response", None), "status_code", 0)
-    if status not in _REFUSED or address in _warned:
-        return
-    _warned.add(address)
-    token = "the token is wrong" if address.token else "no token is given"
-    logging.getLogger("smarts").warning(
-        "the viewer at %s:%d refuses simulations (%d): %s, or the server runs without --live; "
-        "set SMARTS_ENVISION=TOKEN@%s:%d with the token that `smarts-bench view --live` printed",
-        *(address.host, address.port, status, token, address.host, address.port),
-    )

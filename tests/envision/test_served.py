@@ -1,4 +1,4 @@
-"""The page as the server gives it: its security policy, its list, its errors, tokens."""
+"""The page as the server gives it: its security policy, its list, its errors."""
 
 import shutil
 
@@ -37,14 +37,3 @@ def test_episodes_are_listed_opened_and_linked(open_page, library):
         page.reload()  # whether it plays or not
         page.wait_for_selector(".app[data-ready]")
         expect(page.locator(".cell")).to_have_count(2)
-
-
-@pytest.mark.nightly
-def test_a_token_leaves_the_address_and_stays_valid(open_page, library):
-    with serving(library, page="", host="0.0.0.0", token="secret") as server:
-        page = open_page(url=f"http://127.0.0.1:{server.port}/", fragment="#token=secret")
-        expect(page.locator("h1")).to_contain_text("bubble_junction")
-        assert "secret" not in page.evaluate("location.href")
-        page.reload()
-        page.wait_for_selector(".app[data-ready]")
-        expect(page.locator("h1")).to_contain_text("bubble_junction")

@@ -254,18 +254,6 @@ def test_browsers_of_other_sites_are_refused_and_browsers_publish_nothing(server
             pass
 
 
-def test_elsewhere_publishers_and_viewers_need_the_token():
-    bearer = {"additional_headers": {"Authorization": "Bearer secret"}}
-    with serving(live=True, host="0.0.0.0", token="secret") as server:
-        for role in (publisher, viewer):
-            for headers in ({}, {"Authorization": "Bearer wrong"}):
-                with pytest.raises(InvalidStatus), role(server, additional_headers=headers):
-                    pass
-        with publisher(server, **bearer) as simulation, viewer(server, **bearer) as browser:
-            send(simulation, the_map(), begin())
-            until(browser, is_listed(id="a"))
-
-
 def test_a_stalled_viewer_does_not_stop_the_others(monkeypatch):
     # However slow the machine is that tests.
     monkeypatch.setattr(server_module, "_STANDSTILL", 600_000)

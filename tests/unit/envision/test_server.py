@@ -30,12 +30,6 @@ def server(episodes):
         yield running
 
 
-@pytest.fixture(scope="module")
-def guarded(episodes):
-    with serving(EpisodeLibrary([episodes]), host="0.0.0.0", token="secret") as running:
-        yield running
-
-
 def listed(server):
     return {each["label"]: each for each in json.loads(ask(server, "/api/episodes")[2])}
 
@@ -91,24 +85,6 @@ def test_names_that_lead_to_loopback_are_refused(server, host):
 def test_pages_of_other_sites_are_refused(server):
     for origin, status in (("http://evil.example", 403), (f"http://127.0.0.1:{server.port}", 200)):
         assert ask(server, "/api/episodes", origin=origin)[0] == status
-
-
-def test_elsewhere_a_token_is_needed(guarded):
-    assert ask(guarded, "/")[0] == 200
-    assert guarded.url.endswith("/#token=secret")
-    for headers in ({}, {"authorization": "Bearer wrong"}, {"cookie": f"envision_{guarded.port}=secret"}):
-        assert ask(guarded, "/api/episodes", **headers)[0] == 401
-    assert ask(guarded, "/api/episodes", authorization="Bearer secret")[0] == 200
-
-
-def test_the_token_is_exchanged_for_a_cookie(guarded):
-    status, headers, _ = ask(guarded, "/api/token", method="POST", body=json.dumps({"token": "secret"}))
-    assert status == 200
-    cookie = headers["set-cookie"]
-    assert re.search("httponly", cookie, re.IGNORECASE)
-    assert re.search("samesite=strict", cookie, re.IGNORECASE)
-    assert "secret" not in cookie
-    assert ask(guarded, "/api/episodes", cookie=cookie.partition(";")[0])[0] == 200
 
 
 def test_a_recording_that_comes_later_is_listed(tmp_path):

@@ -54,8 +54,8 @@ def wait(condition):
         time.sleep(0.01)
 
 
-def opened(server, token=""):
-    made = Outlet(Address("127.0.0.1", server.port, token))
+def opened(server):
+    made = Outlet(Address("127.0.0.1", server.port))
     wait(lambda: made.is_open)
     return made
 

@@ -194,22 +194,7 @@ async function fetchOk(path: string, init?: RequestInit): Promise<Response> {
   throw new Error(reason || `the server answered ${response.status}`);
 }
 
-/** Exchanges the token of a printed link for a cookie, and takes it out of the address. */
-export async function exchangeToken(): Promise<void> {
-  const parts = new URLSearchParams(location.hash.slice(1));
-  const token = parts.get("token");
-  if (!token) return;
-  parts.delete("token");
-  history.replaceState(null, "", `${location.pathname}${location.search}${parts.size ? `#${parts}` : ""}`);
-  await fetchOk("/api/token", {
-    method: "POST",
-    headers: { "content-type": "application/json" },
-    body: JSON.stringify({ token }),
-  });
-}
-
 async function served(): Promise<Library> {
-  await exchangeToken();
   const info = (await (await fetchOk("/api/info")).json()) as Record<string, unknown>;
   return {
     entries: await listEpisodes(),
