@@ -13,6 +13,7 @@ Deviations: the deviation of continuous actions is learned with their mean.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,17 +99,17 @@ def _to_module(space: Box | Discrete, actions: np.ndarray) -> np.ndarray:
 class BCLearner(JointTorchLearner):
     """Fits each group's policy to the same demonstrations."""
 
-    def build(self) -> None:
-        """Build modules, and read the demonstrations.
+    @cached_property
+    def data(self) -> dict[str, Demonstrations]:
+        """The demonstrations as each group takes them; read by the first step, as tests need none.
 
         Raises:
             DataError: They are not given, cannot be read, or are of other agents.
         """
-        super().build()
         if self.config.data is None:
             raise DataError("there are no demonstrations", place="bc", remedy="give their file: data")
         blocks = self.spec.spaces.blocks
-        self.data = {
+        return {
             group.id: Demonstrations.read(self.config.data, group, masked=blocks[group.block].masked)
             for group in self.groups
         }

@@ -13,6 +13,8 @@ recurrence of their own but read the policies' stored memory beside the observat
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -64,10 +66,14 @@ class PPOLearner(OnPolicyLearner):
         super().build()
         self.stacked_policies = stack_groups(self.groups, self._plain_policy)
         self.stacked_values = stack_groups(self.groups, self._plain_value)
-        self.reference = None
-        if self.config.kl_to is not None:
-            learning = {group.id: self.net(group.id) for group in self.groups}
-            self.reference = ReferencePolicy(self.config.kl_to, learning, self._device)
+
+    @cached_property
+    def reference(self) -> ReferencePolicy | None:
+        """The policy that the learned one keeps near to; read by the first step, as tests need none."""
+        if self.config.kl_to is None:
+            return None
+        learning = {group.id: self.net(group.id) for group in self.groups}
+        return ReferencePolicy(self.config.kl_to, learning, self._device)
 
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""

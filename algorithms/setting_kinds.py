@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ Number = Annotated[int, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Place = Annotated[str, AfterValidator(os.path.abspath)]
 # YAML has lists only, which a strict tuple refuses.
 LIST = Field(strict=False)
 Widths = Annotated[tuple[Count, ...], LIST]

@@ -18,6 +18,7 @@ from algorithms.setting_kinds import (
     Graph,
     NotNegative,
     Number,
+    Place,
     Positive,
     ScheduledFraction,
     ScheduledWeight,
@@ -130,7 +131,7 @@ class OnPolicySettings(JointSettings):
     """Weight of the entropy bonus, or a schedule over environment steps."""
     normalize_values: bool = False
     """Whether critics fit standardised targets."""
-    kl_to: str | None = None
+    kl_to: Place | None = None
     """Folder of a run whose policy this one keeps near to, such as an imitated driver of the same observation
     and actions (Bakhtin et al. 2022; Cornelisse & Vinitsky 2024); null: none."""
     kl_coeff: ScheduledWeight = 0.1
@@ -263,7 +264,7 @@ class MATSettings(PPOSettings):
 class BCSettings(JointSettings):
     """BC."""
 
-    data: str | None = None
+    data: Place | None = None
     """Parquet file of demonstrations, as `smarts-bench demonstrations` writes; required."""
     sharing: Sharing = "all"
     identity: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]

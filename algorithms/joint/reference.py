@@ -19,7 +19,7 @@ class ReferencePolicy:
     """The policies of a run's last checkpoint.
 
     Args:
-        run: Folder of the run, or of a checkpoint.
+        run: Folder of the run, of a checkpoint, or of its networks.
         policies: The ones that learn, by group; each keeps near to the one of its name, or to the only one.
         device: Where they are.
 
@@ -28,8 +28,10 @@ class ReferencePolicy:
     """
 
     def __init__(self, run: str, policies: Mapping[str, JointModule], device: Any) -> None:
-        folder = Path(run, "checkpoint") if Path(run, "checkpoint").is_dir() else Path(run)
-        found = sorted((folder / "learner_group/learner/rl_module").glob("*/class_and_ctor_args.pkl"))
+        networks = "learner_group/learner/rl_module"
+        places = Path(run, "checkpoint", networks), Path(run, networks), Path(run)
+        folder = next((place for place in places if place.is_dir()), places[0])
+        found = sorted(folder.glob("*/class_and_ctor_args.pkl"))
         described = {file.parent: cloudpickle.loads(file.read_bytes()) for file in found}
         made = {
             place.name: restored(given, cloudpickle.loads((place / "module_state.pkl").read_bytes()))

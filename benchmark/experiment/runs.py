@@ -33,16 +33,39 @@ WEIGHTS, TRAIN_TRAFFIC, VALIDATION = "weights", "train_traffic", "validation"
 TESTED, TEST = "tested", "test"
 """Key of run.json: content of its test; and in that, the conditions that the task gives its tests."""
 START = "start_from"
-"""Key of a run's content: folder of the run with whose weights it begins; absent for none. Where it is known,
-`STARTED_FROM` is compared instead."""
+"""Key of a run's content: folder of the run with whose weights it begins; absent for none."""
 STARTED_FROM = "started_from"
 """Key of run.json: digest of the networks that the training began with."""
+DATA, KL_TO = "data", "kl_to"
+"""Settings that name demonstrations, and a run, which a training reads whenever it goes on."""
+INPUTS = "inputs"
+"""Key of run.json: their digests by name; and a training's scratch folder with their files."""
 DEMONSTRATIONS = "demonstrations"
 """Key of run.json: what the file of demonstrations says of itself, for a run that has learned from one."""
 NOT_TAKEN = "weights_not_taken"
 """Key of run.json: the run's weights that those which it began with do not fit."""
 OWN_CODE = "own_code"
 """Key of a run's content and of a test's: name -> digest of own code; see `own_digests`."""
+
+
+def inputs_of(content: Mapping[str, Any]) -> dict[str, str]:
+    """Return the places of what a training takes from elsewhere, by `START`, `DATA` and `KL_TO`."""
+    settings = content.get("settings") or {}
+    found = {START: content.get(START), DATA: settings.get(DATA), KL_TO: settings.get(KL_TO)}
+    return {name: place for name, place in found.items() if place}
+
+
+def with_inputs(content: Mapping[str, Any], found: Mapping[str, str]) -> dict[str, Any]:
+    """Return a run's content with other values of what it takes from elsewhere, as `inputs_of` names it."""
+    start = {START: found[START]} if START in found else {}
+    settings = {name: value for name, value in found.items() if name != START}
+    return {**content, **start, **({"settings": {**content["settings"], **settings}} if settings else {})}
+
+
+def known_inputs(facts: Mapping[str, Any]) -> dict[str, str]:
+    """Return the digests in run.json of what a training has taken from elsewhere."""
+    start = {START: facts[STARTED_FROM]} if STARTED_FROM in facts else {}
+    return {**start, **facts.get(INPUTS, {})}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmark.experiment.environment import engine_mark
 from benchmark.experiment.own_code import code_names
-from benchmark.experiment.runs import OWN_CODE, START, STARTED_FROM, VERSION, with_defaults
+from benchmark.experiment.runs import OWN_CODE, START, VERSION, known_inputs, with_defaults
 from benchmark.experiment.version import prescribed
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.release import SUBMISSION
@@ -50,7 +50,7 @@ def protocol_of(run: RunResult, results: Results) -> str:
     settings = config.pop("settings", None) or {}
     content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
     if START in like.config:
-        content[START] = like.facts.get(STARTED_FROM, like.config[START])
+        content[START] = known_inputs(like.facts).get(START, like.config[START])
     if code := _code_of_environment(like):
         content[OWN_CODE] = code
     for name, value in prescribed(content[VERSION], like.algorithm, run.task, run.traffic).items():

@@ -22,14 +22,18 @@ import yaml
 
 from algorithms import config
 from benchmark.experiment.runs import (
+    DATA,
+    INPUTS,
     OWN_CODE,
     START,
-    STARTED_FROM,
     TESTED,
     changed_settings,
     default_settings,
+    inputs_of,
     is_larger,
+    known_inputs,
     with_defaults,
+    with_inputs,
 )
 from benchmark.metrics import read_table
 from benchmark.results.digests import check_digests, digest_of
@@ -84,8 +88,8 @@ class RunFolder:
         self.progress = path / "progress.csv"
         self.checkpoint = path / CHECKPOINT
         self.best = path / BEST
-        self.start = path / "start"
-        """In a training's scratch folder: networks of the run that it starts from."""
+        self.inputs = path / INPUTS
+        """In a training's scratch folder: what it takes from elsewhere, a folder each; see `inputs_of`."""
         self.table = path / TABLE
         self.episodes = path / EPISODES
 
@@ -157,10 +161,12 @@ class RunFolder:
         there, here = self._content(), with_defaults(content)
         if there is None:
             return
-        if START in here and STARTED_FROM in self.facts():
-            here[START] = there.get(START)  # where the other run is gone or damaged
-            with suppress(ResultsError):
-                here[START] = digest_of(RunFolder(Path(content[START])).networks())
+        inputs = inputs_of(here)
+        for name, digest in known_inputs(self.facts()).items():
+            if name in inputs:
+                here = with_inputs(here, {name: digest})  # where it is gone or damaged
+                with suppress(ResultsError):
+                    here = with_inputs(here, {name: digest_of(input_files(name, inputs[name]))})
         is_extended = _is_extended(here, there)
         compared = comparable(there, here), comparable(here, there)
         differing = differing_values(*({**each, BUDGET: None} if is_extended else each for each in compared))
@@ -320,18 +326,36 @@ class RunFolder:
         )
 
 
+def input_files(name: str, place: str) -> dict[str, bytes]:
+    """Return the files that a training takes from elsewhere, by their paths in a folder.
+
+    Args:
+        name: What they are; see `inputs_of`.
+        place: Folder of a run, whose networks are returned, or for `DATA` a file.
+
+    Raises:
+        ResultsError: They are missing or damaged.
+    """
+    if name != DATA:
+        return RunFolder(Path(place)).networks()
+    try:
+        return {Path(place).name: Path(place).read_bytes()}
+    except OSError as error:
+        problem, remedy = f"cannot be read: {error.strerror}", "give what `smarts-bench demonstrations` wrote"
+        raise ResultsError(problem, place=f"data {place!r}", remedy=remedy) from error
+
+
 def with_own_defaults(config: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
     """Return a run's config, with the defaults of its time where these were others than today's.
 
-    What it started from is the digest of these weights, if it is known, and not their folder.
+    What it takes from elsewhere is given by digests, as far as they are known, and not by places.
 
     Args:
         config: Content of config.yaml.
         facts: Facts of run.json.
     """
     content = with_defaults(config)
-    if START in content:
-        content[START] = facts.get(STARTED_FROM, content[START])
+    content = with_inputs(content, {k: v for k, v in known_inputs(facts).items() if k in inputs_of(content)})
     now = default_settings(content)
     defaults = {name: value for name, value in facts.get(DEFAULTS, {}).items() if name in now}
     return {**content, "settings": defaults | (content.get("settings") or {})} if defaults else content

@@ -187,7 +187,7 @@ class JobScheduler:
             check_room(self._resources, living_nodes())  # machines may have gone since the start
             state.writer = RunWriter(state.job, state.folder, self._loggers)
             checkpoint = state.writer.checkpoint()
-            start = {} if checkpoint else state.writer.start()
+            inputs = state.writer.inputs()
             state.iteration = int((state.folder.training_state() or {}).get("iteration", 0))
         except SmartsError as error:
             state.status, state.error = "failed", _words(error)
@@ -203,7 +203,7 @@ class JobScheduler:
                 state.room, placement_group_bundle_index=0, placement_group_capture_child_tasks=True
             ),
         )
-        state.updates = task.remote(state.job, checkpoint, start)
+        state.updates = task.remote(state.job, checkpoint, inputs)
         self._under_way[state.updates] = state
 
     def _room(self) -> Any:
@@ -260,7 +260,7 @@ def _words(error: BaseException) -> str:
 
 
 @ray.remote
-def _execute(job: Job, checkpoint: Mapping[str, bytes], start: Mapping[str, bytes]) -> Iterator[Message]:
+def _execute(job: Job, checkpoint: Mapping[str, bytes], inputs: Mapping[str, bytes]) -> Iterator[Message]:
     """Run a job in a process of its own, on whatever machine; yield its results and its progress."""
     # Imported here, so that the driver's process loads neither torch nor the simulation.
     from benchmark.running.testing import play_scripted
@@ -271,8 +271,7 @@ def _execute(job: Job, checkpoint: Mapping[str, bytes], start: Mapping[str, byte
         scratch = RunFolder(folder)
         if checkpoint:
             write_files(scratch.checkpoint, checkpoint)
-        if start:
-            write_files(scratch.start, start)
+        write_files(scratch.inputs, inputs)
         with named_own_code("the run's own code"):
             if isinstance(job, Run):
                 yield from train_and_evaluate(job, scratch, is_stopping)

@@ -25,7 +25,7 @@ from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from benchmark.experiment.algorithm_settings import setting_names
 from benchmark.experiment.models import Experiment, Tune
-from benchmark.experiment.runs import Run, runs_of
+from benchmark.experiment.runs import INPUTS, START, Run, runs_of
 from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned, write_whole
 from benchmark.results.run_folder import SCENARIOS, RunFolder, differing_values
 from benchmark.running.choosing import TRIALS, SweepError, text_of, write_chosen
@@ -345,7 +345,7 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
         if given is not None:  # only now: with other settings, if the population has changed them
             given.to_directory(str(folder.checkpoint))
         elif origin := changed.task_setting.task.start_from:
-            folder.keep(folder.start.name, RunFolder(Path(origin)).networks())
+            folder.keep(f"{INPUTS}/{START}", RunFolder(Path(origin)).networks())
         with named_own_code("the trial's own code"), algorithm_of(changed) as algo:
             training = Training(changed, folder, algo)
             for message in training.go():

@@ -23,7 +23,7 @@ from algorithms.joint.evaluation import evaluate
 from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.runs import DEMONSTRATIONS, NOT_TAKEN, TESTED, Run
+from benchmark.experiment.runs import DATA, DEMONSTRATIONS, KL_TO, NOT_TAKEN, START, TESTED, Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
@@ -80,13 +80,13 @@ def train_and_evaluate(
         SmartsError: The checkpoint is damaged, or the environment cannot be made.
         AlgorithmError: The settings do not fit the environment, or training fails.
     """
-    scenarios = scenario_digests(run.task_setting)
+    scenarios, run = scenario_digests(run.task_setting), with_files(run, scratch.inputs)
     yield Began({"begun": _now(), **machine()}, scenarios)
     with algorithm_of(run) as algo:
         training = Training(run, scratch, algo)
         if training.unfit is not None:
             yield Noted({NOT_TAKEN: training.unfit})
-        if data := run.settings.get("data"):
+        if (data := run.settings.get(DATA)) and Path(data).is_file():
             yield Noted({DEMONSTRATIONS: about(data)})
         yield from training.go(is_stopped)
         if training.ended_by is None:
@@ -99,6 +99,13 @@ def train_and_evaluate(
     yield from results_of(scratch)
     tested = {TESTED: run.task_setting.test_content(), "ended": _now(), "test_seconds": took}
     yield Noted({"status": FINISHED, **tested, SCENARIOS: scenarios})
+
+
+def with_files(run: Run, inputs: Path) -> Run:
+    """Return a run whose settings name the files that it was sent, in place of those on another machine."""
+    sent = {DATA: next((inputs / DATA).glob("*"), None), KL_TO: inputs / KL_TO}
+    here = {name: str(place) for name, place in sent.items() if place and place.exists()}
+    return replace(run, settings={**run.settings, **here})
 
 
 def _play(algo: Any, env: Any, indices: range, mode: str) -> None:
@@ -130,7 +137,7 @@ def check_demonstrations(run: Run) -> None:
     Raises:
         ResultsError: They observe, act or decide in another way.
     """
-    data, environment = run.settings.get("data"), run.task_setting.environment
+    data, environment = run.settings.get(DATA), run.task_setting.environment
     if data is None or not Path(data).is_file():
         return  # the algorithm says so
     said = about(data)
@@ -272,8 +279,8 @@ class Training:
         """Weights that did not fit of the run that it starts from; None where it starts from none."""
         if kept is None:
             self._state = TrainingState()
-            if folder.start.exists():
-                self.unfit = take_weights(run, algo, folder.start)
+            if (start := folder.inputs / START).exists():
+                self.unfit = take_weights(run, algo, start)
         else:
             restore(algo, folder.checkpoint)
             self._state = TrainingState(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})

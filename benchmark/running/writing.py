@@ -6,22 +6,32 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import blake2b
-from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.loggers import LOGGERS
 from benchmark.experiment.runs import (
+    INPUTS,
     NOT_TAKEN,
+    START,
     STARTED_FROM,
     TESTED,
     Run,
     ScriptedRun,
     default_settings,
+    inputs_of,
 )
 from benchmark.results.digests import digest_of
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
-from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
+from benchmark.results.run_folder import (
+    DEFAULTS,
+    FINISHED,
+    SCENARIOS,
+    TESTING,
+    TRAINING,
+    RunFolder,
+    input_files,
+)
 from benchmark.running.logger_threads import logger_thread
 from benchmark.running.loggers import Logged
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
@@ -42,7 +52,7 @@ class RunWriter:
     def __init__(self, run: Run | ScriptedRun, folder: RunFolder, loggers: Sequence[str] = ()) -> None:
         self._run, self._folder, self._names = run, folder, loggers
         self._loggers: dict[str, Any] = {}
-        self._start: dict[str, str] = {}
+        self._inputs: dict[str, Any] = {}
         has_begun = folder.status is not None
         folder.open(run.content())
         if has_begun and folder.status is None:
@@ -52,18 +62,26 @@ class RunWriter:
         """Return the files of the last checkpoint, from which the run continues; empty without one."""
         return files_in(self._folder.checkpoint)
 
-    def start(self) -> dict[str, bytes]:
-        """Return the networks of the run that a training starts from; empty where it starts from none.
+    def inputs(self) -> dict[str, bytes]:
+        """Return the files of what the training takes from elsewhere now, by their paths in `inputs`.
+
+        A test needs none of it, and a training that goes on no weights to start from.
 
         Raises:
-            ResultsError: That has no checkpoint, or it is damaged.
+            ResultsError: It is missing or damaged.
         """
-        origin = self._run.task_setting.task.start_from
-        if not origin or not isinstance(self._run, Run):
+        if not isinstance(self._run, Run) or self._folder.status in (TESTING, FINISHED):
             return {}
-        networks = RunFolder(Path(origin)).networks()
-        self._start = {STARTED_FROM: digest_of(networks)}
-        return networks
+        found, files = {}, {}
+        for name, place in inputs_of(self._run.content()).items():
+            if name == START and self._folder.checkpoint.exists():
+                continue
+            content = input_files(name, place)
+            found[name] = digest_of(content)
+            files |= {f"{name}/{path}": each for path, each in content.items()}
+        start = {STARTED_FROM: found.pop(START)} if START in found else {}
+        self._inputs = start | ({INPUTS: found} if found else {})
+        return files
 
     def take(self, message: Message) -> RunProgress | None:
         """Write what a message says; return it if it is progress.
@@ -119,8 +137,8 @@ class RunWriter:
             self._folder.note(status=TRAINING, run=str(self._run), **known, **began.circumstances)
         else:
             self._folder.note_continuation(began.circumstances)
-        if self._start:
-            self._folder.note(**self._start)
+        if self._inputs:
+            self._folder.note(**self._inputs)
         state = self._folder.training_state()
         lines = begin_progress(self._folder.progress, state["iteration"] if state else 0)
         for name in self._names:

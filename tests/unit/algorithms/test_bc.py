@@ -40,11 +40,11 @@ def test_continuous_actions_are_those_of_the_environment(tmp_path):
 def test_data_of_other_agents_are_refused(tmp_path):
     file = demonstrated(tmp_path / "cues", np.zeros((3, 5)), [0, 1, 2])
     with pytest.raises(DataError, match=r"observations of \(5,\)"):
-        Rig("bc", Cues, data=file)
+        Rig("bc", Cues, data=file).learner.update_joint()
     with pytest.raises(DataError, match="cannot be read"):
-        Rig("bc", Cues, data=str(tmp_path / "none"))
+        Rig("bc", Cues, data=str(tmp_path / "none")).learner.update_joint()
     with pytest.raises(DataError, match="no demonstrations"):
-        Rig("bc", Cues)
+        Rig("bc", Cues).learner.update_joint()
 
 
 def test_divergences_are_those_of_torch():

@@ -1,4 +1,4 @@
-"""A run knows the weights that it began with by their digest, not by their place."""
+"""A run knows the weights and the data that it began with by their digest, not by their place."""
 
 import shutil
 
@@ -6,9 +6,10 @@ import yaml
 
 from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
-from benchmark.results.files import ResultsError
+from benchmark.results.files import ResultsError, write_files
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.messages import Began, Kept
+from benchmark.running.training import with_files
 from benchmark.running.writing import RunWriter
 from tests.raising import raises
 
@@ -27,7 +28,7 @@ def test_only_a_run_that_has_not_begun_needs_what_it_starts_from(tmp_path):
     run, moved = (run_from_weights(tmp_path / name) for name in ("origin", "moved"))
     folder = RunFolder(tmp_path / "run")
     writer = RunWriter(run, folder)
-    assert writer.start() == {"weights": b"weights"}
+    assert writer.inputs() == {"start_from/weights": b"weights"}
     writer.take(Began({}, {}))
     writer.take(Kept("checkpoint", {"training.json": b"{}"}))
     folder.check(moved.content())
@@ -44,3 +45,30 @@ def test_only_a_run_that_has_not_begun_needs_what_it_starts_from(tmp_path):
     weights.write_bytes(b"others")
     with raises(ResultsError, folder.config, values=["start_from"]):
         folder.check(moved.content())
+
+
+def test_a_training_that_goes_on_needs_the_same_data_and_its_test_none(tmp_path, monkeypatch):
+    data, folder = tmp_path / "cues.parquet", RunFolder(tmp_path / "run")
+    data.write_bytes(b"one")
+    monkeypatch.chdir(tmp_path)
+    task = {"name": "loop", "scenarios": ["loop"]}
+    settings = {"bc": {"data": data.name}}
+    given = {"algorithms": ["bc"], "tasks": [task], "traffic": ["light"], "seeds": [1], "settings": settings}
+    (run,) = runs_of(Experiment(name="data", **given))
+    assert run.content()["settings"]["data"] == str(data)
+    writer = RunWriter(run, folder)
+    files = writer.inputs()
+    assert files == {"data/cues.parquet": b"one"}
+    write_files(tmp_path / "inputs", files)
+    assert with_files(run, tmp_path / "inputs").settings["data"] == str(tmp_path / "inputs/data/cues.parquet")
+    writer.take(Began({}, {}))
+    writer.take(Kept("checkpoint", {"training.json": b"{}"}))
+    data.write_bytes(b"two")
+    with raises(ResultsError, folder.config, values=["data"]):
+        folder.check(run.content())
+    data.unlink()
+    folder.check(run.content())
+    with raises(ResultsError, f"data {str(data)!r}"):
+        RunWriter(run, folder).inputs()
+    folder.note(status="testing")
+    assert RunWriter(run, folder).inputs() == {}

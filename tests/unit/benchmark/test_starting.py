@@ -61,7 +61,7 @@ def started(run, place, trained):
     """Return the weights of a run before its first step, those of the other one, and what did not fit."""
     assert run_from(run.content()).content() == run.content()
     scratch = RunFolder(place)
-    write_files(scratch.start, trained.networks())
+    write_files(scratch.inputs / "start_from", trained.networks())
     with training.algorithm_of(run) as algo:
         unfit = training.Training(run, scratch, algo).unfit
         own = algo.learner_group.get_weights()
