@@ -28,7 +28,7 @@ _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
     "lanelet2": ((".lanelet2.osm",),),
     "osm": ((".osm",), (".osm.xml",)),
     "commonroad": ((".cr.xml",),),
-    "argoverse": ((".argoverse.json",),),
+    "argoverse": ((".argoverse.json",), (".json",)),
 }
 _PLAIN_EXTRAS = (".con.xml", ".typ.xml", ".tll.xml")
 _OPTIONS = ".netccfg"
@@ -86,7 +86,8 @@ def _only_stem(folder: Path) -> str:
     """Return "map" if the folder has such a map, else the one stem that any map in it has."""
     stems = set()
     for suffixes in (alternative for kind in _PRINCIPAL.values() for alternative in kind):
-        stems |= {file.name.removesuffix(suffixes[0]) for file in folder.glob(f"*{suffixes[0]}")}
+        pattern = "log_map_archive_*.json" if suffixes == (".json",) else f"*{suffixes[0]}"
+        stems |= {file.name.removesuffix(suffixes[0]) for file in folder.glob(pattern)}
     if len(stems) == 1:
         return stems.pop()
     if len(stems) > 1 and MAP_STEM not in stems:

@@ -261,7 +261,7 @@ def _build_on(
     )
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
-    files = _sumo_files(description.scenario) + recording_files(description.scenario)
+    files = _sumo_files(description.scenario) + recording_files(description.scenario, directory)
     traffic_files = _hashes(directory, files)
     key = digest([json.dumps(content), map_key, description.seed, _toolchain(), traffic_files], size=8)
     entry: dict[str, Any] = {"key": key}

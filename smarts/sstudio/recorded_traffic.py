@@ -56,11 +56,14 @@ def with_histories(scenario: Scenario, checks: Checks) -> Scenario:
     return replace(scenario, traffic=traffic or None, traffic_histories=tuple(placeholders) or None)
 
 
-def recording_files(scenario: Scenario) -> list[str]:
-    """Return the files of the recordings that a scenario's traffic names."""
+def recording_files(scenario: Scenario, directory: Path) -> list[str]:
+    """Return the files of the recordings that a scenario's traffic names; folders have Parquet files."""
     recordings = (traffic.recording for traffic in (scenario.traffic or {}).values())
     found = [each for each in recordings if isinstance(each, Recording)]
-    return [Path(each.source, "" if each.history else TRACKS).as_posix() for each in found]
+    sources = [Path(each.source, "" if each.history else TRACKS) for each in found]
+    inside = [[each / file.name for file in sorted((directory / each).glob("*.parquet"))] for each in sources]
+    pairs = zip(sources, inside, strict=True)
+    return [file.as_posix() for source, files in pairs for file in files or [source]]
 
 
 def taken_vehicles(scenario: Scenario) -> dict[str, float]:
@@ -137,7 +140,7 @@ def _latest_begin(
 
 def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> Tracks:
     """Return the recording of a traffic history, in the coordinates of the map."""
-    from smarts.recordings.checks import check
+    from smarts.recordings.checks import check, on_lanes
 
     scale = history.map_lane_width / history.real_lane_width_m
     rule = HeadingRule(
@@ -157,6 +160,8 @@ def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> 
     tracks = transformed(read(Source(file, rule), history.source_type), transform)
     xy = np.column_stack([tracks.x, tracks.y])
     inside = ((xy >= least) & (xy <= most)).all(axis=1) | (not history.filter_off_map)
+    if history.source_type == "Argoverse":  # whose maps end before the vehicles do
+        inside &= on_lanes(tracks, roads)
     tracks = tracks.of_samples(inside)
     is_traffic = check(tracks, roads).is_traffic
     return replace(tracks, facts={**tracks.facts, "is_traffic": str(is_traffic).lower()})

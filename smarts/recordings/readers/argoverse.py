@@ -26,8 +26,13 @@ KINDS = {
 
 
 def read(source: Source) -> Tracks:
-    """Return the road users of a scenario; the format has no sizes."""
+    """Return the road users of a file, or a scenario's folder; the format has no sizes.
+
+    The vehicle that records has the number after the highest, as in SMARTS 2.
+    """
     table = pd.read_parquet(source.path)
+    last = pd.to_numeric(table["track_id"], errors="coerce").max()
+    table["track_id"] = table["track_id"].replace("AV", f"{last + 1:.0f}")
     kinds = dict(zip(table["track_id"], table["object_type"], strict=True))
     users = {name: (KINDS[kind], np.nan, np.nan) for name, kind in kinds.items() if kind in KINDS}
     speed = np.hypot(table["velocity_x"], table["velocity_y"])
