@@ -23,6 +23,8 @@ Attributes = dict[str, Any]
 
 SAMPLES = 16
 """Vehicle types that sample a distribution which SUMO cannot draw from."""
+BICYCLE_SPEED = 5.56
+"""Top speed of bicycles whose actor names none [m/s]."""
 SPEED_FACTORS = (0.2, 2.0)
 """SUMO cuts off the wanted speeds of drivers below and above these multiples of the limit."""
 
@@ -93,6 +95,7 @@ def is_constant(distribution: AnyDistribution) -> bool:
 
 def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
     ignored = ignored_models(actor)
+    is_slow = actor.vehicle_type == "bicycle" and actor.max_speed == TrafficActor.max_speed
     attributes: Attributes = {
         "vClass": actor.vehicle_type,
         "accel": actor.accel,
@@ -102,7 +105,7 @@ def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
         "tau": actor.tau,
         "sigma": min(max(_imperfection(actor, generator), 0.0), 1.0),
         "minGap": max(actor.min_gap.sample(generator), 0.0),
-        "maxSpeed": actor.max_speed,
+        "maxSpeed": BICYCLE_SPEED if is_slow else actor.max_speed,
         **_speed_factor(actor.speed, generator),
         **({"actionStepLength": actor.reaction_time} if actor.reaction_time else {}),
     }

@@ -39,7 +39,7 @@ class TrafficActor(Actor):
     min_gap: AnyDistribution = HALF_A_CAR
     """The gap to the vehicle ahead when standing [m]."""
     max_speed: float = 55.5
-    """The vehicle's top speed [m/s]."""
+    """The vehicle's top speed [m/s]; by default that of a bicycle is 5.56, as SUMO's."""
     vehicle_type: str = "passenger"
     """"passenger", "bus", "coach", "truck", "trailer", "motorcycle" or "bicycle"."""
     lane_changing_model: LaneChangingModel = field(default_factory=LaneChangingModel)
