@@ -30,9 +30,9 @@ def read(source: Source) -> Tracks:
 
     The vehicle that records has the number after the highest, as in SMARTS 2.
     """
-    table = pd.read_parquet(source.path)
-    last = pd.to_numeric(table["track_id"], errors="coerce").max()
-    table["track_id"] = table["track_id"].replace("AV", f"{last + 1:.0f}")
+    table = pd.read_parquet(next(source.path.glob("scenario_*.parquet"), source.path))
+    last = max((int(name) for name in table["track_id"] if name != "AV"), default=0)
+    table["track_id"] = table["track_id"].replace("AV", str(last + 1))
     kinds = dict(zip(table["track_id"], table["object_type"], strict=True))
     users = {name: (KINDS[kind], np.nan, np.nan) for name, kind in kinds.items() if kind in KINDS}
     speed = np.hypot(table["velocity_x"], table["velocity_y"])

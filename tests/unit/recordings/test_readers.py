@@ -127,7 +127,7 @@ def test_scenarios_of_argoverse(tmp_path):
         ("8", "static", 0, 9.0, [5]),
     ]
     tracks = read(Source(argoverse(tmp_path / "scenario_x.parquet", cars)))
-    assert (tracks.names, tracks.kind.tolist()) == (("AV", "7"), [VehicleKind.PASSENGER, VehicleKind.BICYCLE])
+    assert (tracks.names, tracks.kind.tolist()) == (("9", "7"), [VehicleKind.PASSENGER, VehicleKind.BICYCLE])
     assert samples(tracks, "7") == pytest.approx(np.array([[0.1, 0, 2, 0, 10], [0.2, 1, 2, 0, 10]]))
     assert tracks.facts["left_out"] == "static (1)"
 

@@ -54,7 +54,7 @@ def write_stub(folder):
     segments = [
         segment(1, 0.0, 0.0, (2, None), (dashed, white)),
         segment(2, 0.0, 3.5, (3, 1), (yellow, dashed), after=(4, 99)),
-        segment(3, 0.0, 7.0, (None, 2), (white, yellow)),
+        segment(3, 0.0, 7.0, (2, None), (yellow, white)),
         segment(4, 100.0, 3.5, (None, None), (yellow, white)),
     ]
     found = {"lane_segments": {str(each["id"]): each for each in segments}}
