@@ -85,7 +85,7 @@ def render(
     seconds = every * picture.dt / speed
     # The last frame stays, since it shows the outcomes.
     held = [last] * round(END_SHOWN / seconds)
-    frames = write_moving(picture.images([*steps, *held]), out, seconds)
+    frames = write_moving(map(picture.image, [*steps, *held]), out, seconds)
     typer.echo(f"{out}: {frames} frames, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
 
 

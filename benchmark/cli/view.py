@@ -124,10 +124,8 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
 
 def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
     """Return one episode, or a part of it; a folder may hold it."""
-    from smarts.envision.compact_episode import compact_episode
     from smarts.envision.episode_library import EpisodeLibrary, read_compact
     from smarts.envision.viewer_page import Embedded
-    from smarts.sim.episode_files import RecordedEpisode
 
     library = EpisodeLibrary([path])
     entry, *others = library.entries()
@@ -139,9 +137,6 @@ def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
             remedy=f"name one of them: {names}{', ...' if len(others) > 4 else ''}",
         )
     place = library.path(entry.id) or path
-    if begin is None and end is None:
-        return Embedded(entry.id, entry.label, read_compact(place))
     if place.is_file():
         check_effect(f"the compact file {place}", {"--begin": begin, "--end": end})
-    part = compact_episode(RecordedEpisode(place), begin, end, policy=entry.policy)
-    return Embedded(entry.id, entry.label, part)
+    return Embedded(entry.id, entry.label, read_compact(place, begin, end))

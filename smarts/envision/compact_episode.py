@@ -105,20 +105,16 @@ def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> 
     dt, last = float(episode.facts["dt"]), int(episode.facts["steps"])
     if not (dt > 0 and 0 <= last <= MOST_STEPS):
         raise ValueError(f"{last} steps of {dt} s")
-    first = 0 if begin is None or math.isnan(begin) else max(0.0, _exact(begin / dt))
-    behind = last if end is None or math.isnan(end) else min(last, _exact(end / dt))
+    # Without the rounding of a division, as of 0.3 by 0.1.
+    first = 0 if begin is None else max(0, math.ceil(round(begin / dt, 6)))
+    behind = last if end is None else min(last, math.floor(round(end / dt, 6)))
     if first > behind:
         raise SmartsError(
             f"nothing lies between {begin or 0:g} s and {last * dt if end is None else end:g} s",
             place=str(episode.folder),
             remedy=f"the episode goes from 0 to {last * dt:g} s",
         )
-    return np.arange(math.ceil(first), math.floor(behind) + 1, dtype=np.int32)
-
-
-def _exact(steps: float) -> float:
-    """Return a number of steps without the rounding of a division, as of 0.3 by 0.1."""
-    return round(steps) if math.isfinite(steps) and math.isclose(steps, round(steps)) else steps
+    return np.arange(first, behind + 1, dtype=np.int32)
 
 
 def _outcomes(agents: Columns) -> dict[str, NDArray]:

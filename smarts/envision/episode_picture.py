@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -59,20 +59,13 @@ class EpisodePicture:
         self._egos, self._others = agents[:egos], agents[egos:]
         states = episode.table("agent_states")
         order = np.argsort(states["step"], kind="stable")
-        self._vehicles, self._states = (
-            episode.table("vehicles"),
-            {name: column[order] for name, column in states.items()},
-        )
+        self._vehicles = episode.table("vehicles")
+        self._states = {name: column[order] for name, column in states.items()}
         self._bubbles, self._roads = EpisodeBubbles(episode), episode.roads()
         low, high = self._window()
         # Even numbers of pixels for video.
         height = 2 * round(pixels * (high - low)[1] / (high - low)[0] / 2)
         self._view = TopView(self._roads, low, high, (pixels & ~1, height))
-
-    def images(self, steps: Sequence[int]) -> Iterator[Image]:
-        """Yield the pictures of `steps`, each a copy, shape (height, width, 3)."""
-        for step in steps:
-            yield self.image(step)
 
     def image(self, step: int) -> Image:
         """Return the picture of a step, counted from the reset (step 0), shape (height, width, 3)."""
@@ -85,8 +78,8 @@ class EpisodePicture:
         lights = dict(zip(signals["lane"][until].tolist(), signals["signal"][until].tolist(), strict=True))
         return Shown(
             title=f"{facts['scenario']}, {facts['traffic'] or 'no traffic'}   {step * self.dt:.1f} s",
-            vehicles=_between(self._vehicles, step, step),
-            states=_between(self._states, step, step),
+            vehicles=_of(self._vehicles, step),
+            states=_of(self._states, step),
             social=self._social,
             lights=lights.items(),
             shapes=[*self._bubbles.shapes(step), *self._marks(step)],
@@ -168,6 +161,6 @@ def _slice(columns: Columns, first: int, last: int) -> slice:
     return slice(*np.searchsorted(columns["step"], [first, last + 1]).tolist())
 
 
-def _between(columns: Columns, first: int, last: int) -> dict[str, NDArray]:
-    rows = _slice(columns, first, last)
+def _of(columns: Columns, step: int) -> dict[str, NDArray]:
+    rows = _slice(columns, step, step)
     return {name: column[rows] for name, column in columns.items()}

@@ -5,10 +5,8 @@ from __future__ import annotations
 import html
 from pathlib import Path
 
-from smarts.envision.compact_episode import compact_episode
-from smarts.envision.episode_library import policy_of_run, read_compact
+from smarts.envision.episode_library import read_compact
 from smarts.envision.viewer_page import Embedded, page_with
-from smarts.sim.episode_files import RecordedEpisode
 
 
 class EpisodeFrame:
@@ -30,10 +28,7 @@ class EpisodeFrame:
         self, episode: str | Path, begin: float | None = None, end: float | None = None, *, height: int = 480
     ) -> None:
         path = Path(episode)
-        if begin is None and end is None:
-            data = read_compact(path)
-        else:
-            data = compact_episode(RecordedEpisode(path), begin, end, policy=policy_of_run(path))
+        data = read_compact(path, begin, end)
         self._page, self._height = page_with([Embedded("1", path.name, data)]), height
 
     def _repr_html_(self) -> str:
