@@ -150,7 +150,7 @@ def _played_by(
 def _driver(policy: str, scenario: str, traffic: str) -> tuple[VectorHiWayEnv, Driver]:
     """Return simulations with one agent that ends with the window, and what drives it."""
     folder = RunFolder(Path(policy))
-    played = {"num_envs": ENVS, "max_episode_steps": INSTANTS - 1}
+    played: dict[str, Any] = {"num_envs": ENVS, "max_episode_steps": INSTANTS - 1}
     task = fitted({"name": "realism", "scenarios": [scenario]}, TrainingTask, policy)
     if folder.config.exists():
         run = read_run(folder)
