@@ -113,7 +113,7 @@ class EpisodePicture:
                 x, y, speed = (float(self._vehicles[name][row]) for name in ("x", "y", "speed"))
                 has_ended = since >= 0 and agent["outcome"] != Outcome.NONE
                 outcome = Outcome(int(agent["outcome"])).name.lower().replace("_", " ")
-                text = f"{agent['number']} {outcome if has_ended else f'{speed:.1f} m/s'}"
+                text = f"{agent['number']} {outcome if has_ended else f'{speed:z.1f} m/s'}"
                 yield text, (x, y), self._colour(agent)
 
     def _is_recent(self, since: int, step: int) -> bool:
