@@ -20,10 +20,10 @@ PROGRAM = (
     "from smarts_agent_kit.worker import work; work(given)"
 )
 VIEWER = "SMARTS_ENVISION"
-"""May hold the token of a viewer's server."""
+"""Names the viewer's server, which agents do not need."""
 KEPT = ("PATH", "HOME", "USER", "LANG", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONHASHSEED", "SUMO_HOME")
 KEPT_PREFIXES = ("LC_", "XDG_", "SMARTS_", "NUMBA_", "CUDA_", "OMP_", "OPENBLAS_", "MKL_")
-"""The environment variables that a child process inherits, but for the secret and the viewer's token."""
+"""The environment variables that a child process inherits, but for the secret and the viewer's address."""
 
 
 def start_process(

@@ -21,7 +21,7 @@ from algorithms.networked_q import NetworkedQModule
 from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.runs import DEMONSTRATIONS, TEST, VERSION, Run
+from benchmark.experiment.runs import DEMONSTRATIONS, KL_TO, TEST, VERSION, Run
 from benchmark.results.files import check_free, replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
@@ -122,9 +122,10 @@ def learned_from(run: Run, folder: RunFolder) -> list[str]:
     """
     said = folder.facts().get(DEMONSTRATIONS)
     if said is None:
-        origin = run.task_setting.task.start_from or run.settings.get("kl_to")
-        other = RunFolder(Path(origin or ""))
-        return learned_from(read_run(other), other) if origin and other.config.exists() else []
+        origins = run.task_setting.task.start_from, run.settings.get(KL_TO)
+        others = [RunFolder(Path(each)) for each in origins if each]
+        found = [learned_from(read_run(each), each) for each in others if each.config.exists()]
+        return [*dict.fromkeys(line for lines in found for line in lines)]
     named = {"data": said.get("name") or said.get("scenario"), **said}
     return [f"{key}: {named[key]}" for key in ("data", "attribution", "licence") if named.get(key)]
 

@@ -152,7 +152,7 @@ def check_demonstrations(run: Run) -> None:
         if said.get(name) not in (None, value):
             raise ResultsError(
                 f"the demonstrations are of another {name} than the environment's",
-                place=f"data {data}",
+                place=f"data {Path(data).name}",
                 remedy=f"demonstrate with the {name} of the experiment's `environment`",
             )
 

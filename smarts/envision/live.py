@@ -225,7 +225,7 @@ class LiveHub:
         facts, before = message["facts"], self._sources.get(number)
         road_map, serial = publisher.maps.get(message["map"]), int(message["serial"])
         if road_map is None:
-            # It was too large to be sent.
+            # The map has not arrived: it was too large, or was dropped.
             return
         encoder = LiveEncoder(road_map, facts, number, serial, before and before.encoder)
         about = {

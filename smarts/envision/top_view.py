@@ -27,7 +27,7 @@ LIGHTS = {Signal.STOP: "#d62728", Signal.CAUTION: "#ffbf00", Signal.GO: "#2ca02c
 RING = {"marker": "o", "ms": 10, "mfc": "none", "mew": 2, "zorder": 9}
 """The ring at a goal."""
 _BOX = {"fc": "white", "ec": "none", "alpha": 0.75}
-_NOBODY = UNSET, UNSET, UNSET
+_NO_DRIVER = UNSET, UNSET, UNSET
 
 Place = tuple[float, float]
 Columns = Mapping[str, NDArray]
@@ -105,7 +105,7 @@ class TopView:
         rows = zip(*(states[name].tolist() for name in names), strict=True)
         driver_of = {(slot, generation): driver for slot, generation, *driver in rows}
         keys = zip(vehicles["slot"].tolist(), vehicles["generation"].tolist(), strict=True)
-        drivers = np.array([driver_of.get(key, _NOBODY) for key in keys]).reshape(-1, 3)
+        drivers = np.array([driver_of.get(key, _NO_DRIVER) for key in keys]).reshape(-1, 3)
         agent_ids, status, release = drivers.T
         observes = status == AgentStatus.SHADOWING
         leaves = (status == AgentStatus.LEAVING) | ((status == AgentStatus.ACTIVE) & (release != UNSET))

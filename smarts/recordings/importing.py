@@ -17,6 +17,8 @@ from smarts.whole_files import written_whole
 
 LEAST_ON_LANES = 0.9
 """With a smaller share of its positions on lanes, a recording is not of the map."""
+LEAST_ON_CUT_MAP = 0.25
+"""The same for maps of Argoverse, which end before their vehicles do, and have no parking places."""
 NET, REPORT, SCRIPT = "map.net.xml", "import.txt", "scenario.py"
 _MARKS: dict[MapKind, re.Pattern[bytes]] = {
     "commonroad": re.compile(rb"<commonRoad\b"),
@@ -78,16 +80,17 @@ def import_recording(
         notes = compile_map(map_source, folder / NET) if map_source else MapNotes()
         roads = read_net(folder / NET) if map_source else None
         report = check(tracks, roads)
-        if roads and map_source and map_source.kind == "argoverse":  # which ends before its vehicles do
-            said.append(f"left out what is off the map, all but {report.on_lanes:.0%} of the positions")
-            tracks = tracks.of_samples(on_lanes(tracks, roads))
-            report = check(tracks, roads)
-        if report.on_lanes is not None and report.on_lanes < LEAST_ON_LANES:
+        is_cut = map_source is not None and map_source.kind == "argoverse"
+        if report.on_lanes is not None and report.on_lanes < (LEAST_ON_CUT_MAP if is_cut else LEAST_ON_LANES):
             raise RecordingError(
                 f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
                 place=str(source.path),
                 remedy="give the map of this recording, in the same coordinates",
             )
+        if is_cut and roads:
+            said.append(f"left out {1 - (report.on_lanes or 0):.0%} of the positions, which are off the map")
+            tracks = tracks.of_samples(on_lanes(tracks, roads))
+            report = check(tracks, roads)
         facts = {"licence": licence.strip(), "is_traffic": str(report.is_traffic).lower()}
         facts |= {"attribution": attribution} if attribution else {}
         tracks = replace(tracks, facts={**tracks.facts, **facts})
@@ -121,6 +124,7 @@ def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | N
     """Return the map that was named, else the recording's own file where it holds one, else None."""
     if map_file is None:
         if format == "Argoverse":
+            path = next(path.glob("scenario_*.parquet"), path)
             beside = path.with_name(f"{path.stem.replace('scenario', 'log_map_archive', 1)}.json")
             return MapSource("argoverse", (beside,)) if beside.exists() else None
         return MapSource("commonroad", (path,)) if format == "CommonRoad" else None

@@ -208,7 +208,7 @@ def _onward(roads: LaneGraph, lane: int) -> NDArray:
     xy, turn = roads.point_xy[rows], np.unwrap(roads.point_heading[rows])
     pace = np.repeat(roads.speed_limit[lanes], np.diff(roads.point_start)[lanes])
     apart = np.append(0.0, np.hypot(*np.diff(xy, axis=0).T))
-    # A lane begins where the lane before ends, or within a centimetre, to any side.
+    # A lane begins where the one before ends, or less than a centimetre from there.
     is_new = np.append(True, apart[1:] > LEAST_PROGRESS)
     xy, turn, s, pace = xy[is_new], turn[is_new], np.cumsum(apart)[is_new], pace[is_new]
     bend = np.abs(np.interp(s + 2.0, s, turn) - np.interp(s - 2.0, s, turn)) / 4.0

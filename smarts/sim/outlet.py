@@ -74,6 +74,8 @@ class Outlet:
         self.observed: Mapping[str, Sequence[int]] = {}
         """Agents whose observations viewers look at, by the simulation's id: their numbers in the episode."""
         self._connection: ClientConnection | None = None
+        self._was_too_large = False
+        """Whether a message was too large, which is said once."""
         self._closing = threading.Event()
         # A daemon, since a program that ends without closing is not to hang.
         threading.Thread(target=self._work, name="envision-outlet", daemon=True).start()
@@ -103,6 +105,9 @@ class Outlet:
             else:
                 self.epoch += 1
         except SmartsError as error:
+            if self._was_too_large:
+                return
+            self._was_too_large = True
             logging.getLogger("smarts").warning("envision: %s is not shown: record instead", error.problem)
         except Exception:
             if self._connection is connection:

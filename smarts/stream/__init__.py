@@ -17,7 +17,8 @@ rows, one more than rows.
   (`smarts.types.episode_schema`); rows of an agent have `agent`, its row in `agents`, too. Positions are in
   the map's frame (m). First agents, holds, routes, bubbles, bubble_rings; then, before the steps that they
   belong to, rows of agent_states, decisions, signals, extras, observations, transfers, bubble_poses,
-  agent_failures, and `outcomes`: agent, step, outcome, partner_slot, partner_generation
+  agent_failures, and `outcomes`: agent, step, outcome, partner_slot, partner_generation; live, `outcomes` is
+  sent whole when an agent has ended
 - `vehicles`: `number`, the stream's short name of (`slot`, `generation`); `name`, `kind`, `length`, `width`
 - `steps`: K steps: `step` (K,); of each run, a vehicle that is there without a gap: `number`, `begin` (index
   into `step`), `count`; of each row, run by run: `x`, `y` (cm), `heading` (0.1 degree counter-clockwise from

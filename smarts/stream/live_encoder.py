@@ -109,7 +109,7 @@ def _columns(name: str, data: Any) -> dict[str, Any]:
             return {
                 each.name: block[:, number].astype(each.kind) for number, each in enumerate(table.columns)
             }
-    # Lists of numbers are bytes.
+    # A list of numbers may come as the bytes of float32.
     return {
         str(column): [np.frombuffer(each, np.float32) if isinstance(each, bytes) else each for each in values]
         for column, values in data.items()

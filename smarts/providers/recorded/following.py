@@ -115,7 +115,7 @@ def acceleration(n: Recorded, b: int, slot: int, p: int, s: float, ignores_log: 
 def allowed_acceleration(
     n: Recorded, b: int, slot: int, body: Body, p: int, s: float, ignores_log: bool
 ) -> float:
-    """Return how a vehicle may accelerate for what is on a path ahead of it, or will be `SOON` [m/s^2].
+    """Return how a vehicle may accelerate for what is on a path ahead of it, or will be after `SOON` [m/s^2].
 
     Args:
         n: Recorded traffic.
@@ -143,6 +143,12 @@ def allowed_acceleration(
         if math.hypot(pose[0] - x, pose[1] - y) > reach + half_length + half_length2:
             continue
         for after in (0.0, SOON):
+            if after > 0.0:
+                behind, _ = gap_on_path(
+                    n.paths, p, s - reach, half_length, half_width, reach, pose, half_length2, half_width2
+                )
+                if behind < np.inf:
+                    break  # it follows on the same path
             gone = after * v.speed[b, other]
             there = pose[0] + gone * math.cos(pose[2]), pose[1] + gone * math.sin(pose[2]), pose[2]
             gap, cosine = gap_on_path(

@@ -21,7 +21,7 @@ KINDS |= {"car": VehicleKind.PASSENGER, "pedestrian/bicycle": VehicleKind.PEDEST
 def read(source: Source) -> Tracks:
     """Return the vehicles of a table, and the pedestrians and bicycles of the one that lies beside."""
     beside = source.path.with_name(source.path.name.replace("vehicle_", "pedestrian_", 1))
-    table = pd.concat([pd.read_csv(file) for file in {source.path, beside} if file.exists()])
+    table = pd.concat([pd.read_csv(file) for file in dict.fromkeys((source.path, beside)) if file.exists()])
     table = table.reindex(columns=[*table, *({"psi_rad", "length", "width"} - {*table})])
     names, speed = table["track_id"].astype(str), np.hypot(table["vx"], table["vy"])
     first = table.groupby(names, sort=False)[["agent_type", "length", "width"]].first()

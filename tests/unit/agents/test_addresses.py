@@ -92,7 +92,7 @@ class Seeing(BatchAgent):
 
 def test_a_served_agent_sees_few_environment_variables_and_its_end_is_named(tmp_path, monkeypatch):
     given = {SECRET: "0123456789abcdef", "OMP_FOR_A_TEST": "1", "MY_TOKEN": "mine"}
-    given["SMARTS_ENVISION"] = "token@localhost:1"
+    given["SMARTS_ENVISION"] = "localhost:1"
     for name, value in given.items():
         monkeypatch.setenv(name, value)
     (tmp_path / "seeing.py").write_text(SEEING)

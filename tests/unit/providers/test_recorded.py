@@ -257,6 +257,15 @@ def test_a_late_vehicle_and_those_beside_it_give_way_to_each_other_where_it_chan
     assert not hits.any()
 
 
+def test_a_vehicle_does_not_brake_for_one_that_comes_from_behind(play):
+    play.reset(play.log([straight("a", 0.0, 20.0, 0.0, 0.0, 10.0)]), mode="reactive")
+    for _ in range(20):
+        play.step()
+    play.put(0, 8.0, 0.0, 25.0)
+    play.step()
+    assert play.state("a")[0] == pytest.approx(21.0, abs=1e-9)
+
+
 def test_a_track_that_the_end_of_the_recording_cuts_off_drives_on_along_its_lane(play):
     tracks = [straight("a", 0.0, 10.0, 0.0, 0.5, 12.0), straight("b", 0.0, 8.0, 100.0, 3.2, 10.0)]
     log = play.log(tracks)

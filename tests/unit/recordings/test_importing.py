@@ -79,7 +79,7 @@ def test_vehicles_beyond_the_map_of_argoverse_are_left_out(importing, tmp_path):
     ]
     code, text = importing(argoverse(tmp_path / "scenario_a.parquet", cars))
     assert (code, read_tracks(tmp_path / "out").names) == (0, ("1", "2"))
-    assert "left out what is off the map, all but 77% of the positions" in text
+    assert "left out 23% of the positions, which are off the map" in text
     assert read_tracks(tmp_path / "out").x.max() == 42  # half a width beyond the lane
 
 
