@@ -137,8 +137,7 @@ ActionName = Annotated[str, _named("action", ACTION_NAMES, own=False)]
 def name_of(scenarios: Iterable[str]) -> str:
     """Return the name of a task that has none of its own."""
     paths = [Path(each) for each in scenarios]
-    names = ((path.name or path.resolve().name).replace("@", "-") for path in paths)
-    return "-".join(name.replace("*", "").rstrip("-") for name in names)
+    return "-".join((path.name or path.resolve().name).replace("@", "-") for path in paths)
 
 
 DISTRIBUTIONS = ("uniform", "loguniform", "randint")

@@ -81,7 +81,7 @@ def evaluate_agent(
     import_own(imports)
     agent, interface = batch_agent(locator, **(options or {}))
     try:
-        task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+        task = _task_of(scenarios)
         driven = environment_of(agent, interface, agents, engine, f"agent {locator!r}")
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
@@ -124,6 +124,12 @@ def environment_of(
         "observation": [*seen] if isinstance(seen := agent.observation, tuple) else seen,
     }
     return fitted(given, Environment, place)
+
+
+def _task_of(scenarios: Sequence[str]) -> TrainingTask:
+    """Return a task of scenarios, whose name leaves out the "*" of families of maps."""
+    name = name_of(each.replace("*", "").rstrip("@-") for each in scenarios)
+    return fitted({"name": name, "scenarios": [*scenarios]}, TrainingTask, "--scenario")
 
 
 def _setting(
@@ -310,7 +316,7 @@ class AgentDriver:
 def asked_task(task: TrainingTask, scenarios: Sequence[str], traffic: str | None) -> TrainingTask:
     """Return the task of an evaluation: the training's, with the conditions of its test, or scenarios."""
     if scenarios:
-        return fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+        return _task_of(scenarios)
     if not traffic:
         return task
     test: dict[frozenset[str], TestCondition] = {}

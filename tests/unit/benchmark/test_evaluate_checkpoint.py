@@ -58,6 +58,9 @@ def test_an_evaluation_plays_the_conditions_of_the_runs_test(folder):
     for traffic, names in (("dense", ["a", "b (dense)"]), ("none", ["b (none)", "a (none)"])):
         asked = asked_task(task, [], traffic).test
         assert sorted((each.name, each.traffic) for each in asked) == sorted((name, None) for name in names)
+    family = asked_task(task, ["intersections@test-*"], None)
+    assert family.name == "intersections-test"
+    assert len(family.trained_on) == 30
     alone = asked_task(task, ["city"], None)
     assert (alone.tested_on, alone.test) == (["city"], ())
 
