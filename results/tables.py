@@ -119,7 +119,8 @@ def conditions() -> dict[str, dict[str, dict[str, str]]]:
     found: dict[str, dict[str, dict[str, str]]] = {}
     with CONDITIONS.open(newline="") as file:
         for row in csv.DictReader(file):
-            found.setdefault(row["algorithm"], {})[row["condition"]] = row
+            name = row["algorithm"].replace("MFAC", "MF-AC")  # as the paper writes it
+            found.setdefault(name, {})[row["condition"]] = row
     return found
 
 
