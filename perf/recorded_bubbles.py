@@ -34,7 +34,7 @@ from smarts.types.vehicles import Owner
 
 POLICIES = ("idm-v0", "mobil-v0", "keep-lane-v0")
 SIDES = (40, 80, 120)
-"""Of the bubbles [m]."""
+"""Side lengths of the bubbles [m]."""
 BEGUN = 10.0
 """Time from which on vehicles out are counted [s]."""
 SCENARIO = """

@@ -65,7 +65,7 @@ class RunWriter:
     def inputs(self) -> dict[str, bytes]:
         """Return the files of what the training takes from elsewhere now, by their paths in `inputs`.
 
-        A test needs none of it, and a training that goes on no weights to start from.
+        A test needs no such files. A training that is resumed needs no initial weights.
 
         Raises:
             ResultsError: It is missing or damaged.

@@ -79,7 +79,7 @@ def _kinds_of_failure(whole: list[Entry], shown: set[str]) -> Iterator[tuple[Ent
 def embedded(
     library: EpisodeLibrary, chosen: Iterable[Notable]
 ) -> tuple[list[tuple[Notable, Embedded]], LeftOut]:
-    """Return episodes as a page holds them, and those that are damaged."""
+    """Return readable episodes in the form in which a page embeds them, and the damaged ones."""
     shown: list[tuple[Notable, Embedded]] = []
     left_out: LeftOut = []
     for each in chosen:
@@ -93,7 +93,7 @@ def embedded(
 
 
 def write_notable(library: EpisodeLibrary, out: Path) -> tuple[list[Notable], LeftOut]:
-    """Write a page with the notable episodes of a library; return them, and those that are damaged.
+    """Write a page with a library's notable episodes; return these episodes, and the damaged ones.
 
     Raises:
         SmartsError: No episode can be shown, or the page cannot be written.

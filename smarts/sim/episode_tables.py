@@ -189,7 +189,7 @@ def rows_by_name(table: str, rows: Floats) -> dict[str, Floats]:
 
 
 def new_endings(frame: Frame, row: int, known: Container[int]) -> dict[int, Ending]:
-    """Return how agents have ended, by number, without those that are `known`; their vehicles are there."""
+    """Return how agents ended by their number, leaving out `known` ones; the vehicles still exist."""
     agents = frame.world.agents
     ended = np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist()
     numbers = zip(agents.agent[row, ended].tolist(), ended, strict=True)
