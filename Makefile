@@ -70,8 +70,9 @@ docs: $(TOOLS)  ## build the documents: site/index.html, which needs no network
 pictures: $(KERNELS)  ## draw the sheet of all scenarios, and the film and pictures of the README in Envision
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
-	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
-	$(BIN)/smarts-bench view "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
+	$(BIN)/smarts-bench evaluate --agent smarts.zoo:gap-acceptance-v0 --scenario intersection \
+		--traffic random_social_vehicles --episodes 1 --out "$$episodes"/played && \
+	$(BIN)/smarts-bench view "$$episodes"/played/episodes/*/seed42_world2000000_episode00000 \
 		--out "$$episodes"/driving.smarts && \
 	$(BIN)/python -m tests.envision.screenshots docs "$$episodes"/driving.smarts && \
 	$(BIN)/python examples/bubbles.py "$$episodes"/bubbles && \

@@ -21,6 +21,7 @@ import csv
 import math
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
-from benchmark.scripted.play import Ended, episodes_of
+from benchmark.scripted.play import episodes_of
 from benchmark.statistics import holm
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env.vector import VectorHiWayEnv
@@ -184,14 +185,14 @@ def _ks(first: NDArray, second: NDArray) -> float:
     return float(np.abs(np.cumsum(_shares(first) - _shares(second))).max())
 
 
-def play(policy: str, scenario: str, engine: str, episodes: int) -> list[Ended]:
-    """Return a scripted policy's valid episodes."""
+def play(policy: str, scenario: str, engine: str, episodes: int) -> list[Mapping[str, float]]:
+    """Return the metrics of a scripted policy's valid episodes."""
     options = Options(policy=policy, traffic_engine=engine)
     agents = dict.fromkeys(agent_names(AGENTS), benchmark_interface(vehicle_model="kinematic"))
     env = VectorHiWayEnv(1, [scenario], agents, simulation=options, traffic=[TRAFFIC], reward="benchmark")
     with closing(env):
         played = episodes_of(env, policy, 42, FIRST_TEST_EPISODE)
-        return list(islice((each for each in played if not each.outcomes["invalid"]), episodes))
+        return list(islice((each for each in played if not each["invalid"]), episodes))
 
 
 def compare_scripted(policies: list[str], scenarios: list[str], episodes: int) -> list[tuple]:
@@ -201,7 +202,7 @@ def compare_scripted(policies: list[str], scenarios: list[str], episodes: int) -
         for policy in policies:
             both = [play(policy, scenario, engine, episodes) for engine in ENGINES]
             for outcome in ("collision", "goal"):
-                rates = [np.array([each.outcomes[outcome] / AGENTS for each in played]) for played in both]
+                rates = [np.array([each[outcome] for each in played]) for played in both]
                 rows.append(_row(scenario, f"{policy}: {outcome}", rates))
     z = [row[4] / row[5] if row[5] else 0.0 for row in rows]
     p_values = holm([2.0 * norm.sf(abs(each)) for each in z])

@@ -3,8 +3,8 @@
 `python -m tests.compact_fixtures EPISODE NAME` writes NAME.smarts, and NAME.json with the rows of some steps;
 with `END POLICY` behind, the episode up to that time [s] as NAME.smarts alone, for pictures.
 
-`keep_lane` and `gap_acceptance` are test episode 1 among social vehicles of `smarts-bench scripted keep_lane
-gap_acceptance --scenario intersection --episodes 4 --record FOLDER`; `observed` is four agents that keep
+`keep_lane` and `gap_acceptance` are test episode 1 of these policies at the intersection among social
+vehicles (`smarts-bench run scripted`); `observed` is four agents that keep
 their lanes there, with `record_observations`.
 """
 

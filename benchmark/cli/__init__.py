@@ -19,7 +19,6 @@ from benchmark.cli import (
     reports,
     robustness,
     scenario,
-    scripted,
     view,
     zoo,
 )
@@ -51,7 +50,6 @@ app.command()(experiments.sweep)
 app.command()(experiments.evaluate)
 app.command()(data.realism)
 app.command()(robustness.robustness)
-app.command()(scripted.scripted)
 app.command()(reports.report)
 app.command()(reports.compare)
 app.command()(reports.leaderboard)

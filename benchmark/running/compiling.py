@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.metrics.table import measure_episodes
-from benchmark.scripted.play import play
+from benchmark.scripted.play import episodes_of
 from smarts.agents.interface import AgentInterface, AgentType
 from smarts.controllers import action_space
 from smarts.dynamics import MODELS, TYRE_MODELS
@@ -61,8 +61,9 @@ def _benchmark(**options: Any) -> None:
 
 def _measured() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        for _ in play("random", SCENARIO, episodes=1, record=Path(folder)):
-            pass
+        env = VectorHiWayEnv(1, [SCENARIO], reward="benchmark", simulation=Options(record=Path(folder)))
+        with closing(env):
+            next(episodes_of(env, "random", 1, 0))
         measure_episodes(folder)
 
 

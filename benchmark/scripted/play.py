@@ -1,134 +1,26 @@
-"""Plays scripted policies in scenarios and counts the outcomes."""
+"""Plays scripted policies."""
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import closing
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Callable, Generator, Mapping
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Discrete, Space
 from numpy.typing import NDArray
 
-from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark.scripted import SCRIPTED_POLICIES, ScriptedPolicy
-from benchmark.statistics import wilson_interval
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import OwnCodeError, TrafficError, shown
 from smarts.registry import definition_of, guarded, is_own_name
-from smarts.sim.assembly import Options
-from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 
-AGENTS = 4
 
-
-@dataclass
-class Tally:
-    """Outcomes of a policy's agents in one scenario with one traffic."""
-
-    policy: str
-    scenario: str
-    traffic: str
-    agents: int
-    """Number of agents in each episode."""
-    episodes: int = 0
-    outcomes: Counter[str] = field(default_factory=Counter)
-    """Outcome -> number of agents."""
-    steps: float = 0.0
-    """Number of steps of all episodes."""
-
-    def add(self, outcomes: Counter[str], steps: float) -> None:
-        """Count an episode."""
-        self.episodes += 1
-        self.outcomes += outcomes
-        self.steps += steps
-
-    @property
-    def seconds(self) -> float:
-        """Mean length of an episode [s], NaN without episodes."""
-        return 0.1 * self.steps / self.episodes if self.episodes else math.nan
-
-    def share(self, outcome: str) -> float:
-        """Return the share of agent-episodes with an outcome, NaN without episodes."""
-        total = self.outcomes.total()
-        return self.outcomes[outcome] / total if total else math.nan
-
-    def interval(self, outcome: str) -> tuple[float, float]:
-        """Return the 95% interval of a share.
-
-        Wilson's interval with the episode as unit: agents of one episode may end alike, so n agent-episodes
-        count as n / agents independent ones (the largest possible design effect).
-        """
-        low, high = wilson_interval(self.share(outcome), self.outcomes.total() / self.agents)
-        return float(low), float(high)
-
-
-class Ended(NamedTuple):
-    """A finished episode."""
-
-    outcomes: Counter[str]
-    """Outcome -> number of agents."""
-    steps: float
-
-
-def play(
-    policy: str,
-    scenario: str,
-    *,
-    episodes: int,
-    agents: int = AGENTS,
-    seed: int = 42,
-    first_episode: int = FIRST_TEST_EPISODE,
-    record: Path | None = None,
-) -> Iterator[Tally]:
-    """Play a scenario with every agent driven by a policy; yield a tally for each of its traffics.
-
-    Episode k is that of world `first_episode` + k, as in the evaluation of learned policies.
-
-    Args:
-        policy: A name of `SCRIPTED_POLICIES`.
-        scenario: Folder, or name of the suite.
-        episodes: How many are counted for each traffic: the first valid ones.
-        agents: How many drive in each episode.
-        seed: Seed of the run.
-        first_episode: See above.
-        record: Folder for recorded episodes; the last episode of each traffic is cut short.
-
-    Raises:
-        SmartsError: There are fewer missions than agents.
-        TrafficError: Traffic failed.
-    """
-    names = build_scenario(scenario).traffic
-    for traffic in names or ("none",):
-        chosen = [traffic] if names else None
-        tally = Tally(policy, scenario, traffic, agents)
-        env = VectorHiWayEnv(
-            1,
-            [scenario],
-            agents,
-            seed=seed,
-            observation=getattr(SCRIPTED_POLICIES[policy], "observation", None) or "benchmark",
-            reward="benchmark",
-            simulation=Options(record=record, policy=policy),
-            traffic=chosen,
-        )
-        with closing(env):
-            for outcomes, steps in episodes_of(env, policy, seed, first_episode):
-                if not outcomes["invalid"]:
-                    tally.add(outcomes, steps)
-                if tally.episodes >= episodes:
-                    break
-        yield tally
-
-
-def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int) -> Generator[Ended]:
-    """Yield one episode of each world in turn, with every agent driven by a policy.
+def episodes_of(
+    env: VectorHiWayEnv, policy: str, seed: int, first_episode: int
+) -> Generator[Mapping[str, float]]:
+    """Yield the metrics of one episode of each world in turn, with every agent driven by a policy.
 
     Args:
         env: One simulation whose observations and actions fit the policy.
@@ -148,7 +40,7 @@ def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int)
             place = f"{start.scenario}, world {start.world}"
             raise TrafficError("the traffic failed", place=place) from error
         for shares in now.metrics.values():
-            yield Ended(_outcomes(shares, len(env.agents)), shares["steps"])
+            yield shares
             (start,) = drivers.begin(np.ones(1, np.bool_))
 
 
@@ -223,9 +115,3 @@ def _observation(driver: ScriptedPolicy, seen: Mapping[str, NDArray]) -> Any:
         return seen[""]
     is_ours = type(driver).__module__.startswith("benchmark.scripted.")
     return seen["observation"] if is_ours and "observation" in seen else dict(seen)
-
-
-def _outcomes(shares: Mapping[str, float], agents: int) -> Counter[str]:
-    return Counter(
-        {name: round(share * agents) for name, share in shares.items() if name != "steps" and share}
-    )

@@ -104,6 +104,14 @@ def test_order_is_the_papers(tmp_path):
     ]
 
 
+def test_scripted_policies_alone_have_a_report(tmp_path):
+    write_experiment(tmp_path, algorithms=[], scripted=["keep_lane", "parked"])
+    for name in ("keep_lane", "parked"):
+        write_test(tmp_path, name, MIXED)
+    latex = (write_report(tmp_path).parent / "main_table_scripted.tex").read_text()
+    assert latex.count("0.25 / 0.75") == 2
+
+
 def test_a_cells_numbers(folder):
     report = make_report(read_results(folder.parent))
     cell = cells_of(report, "ppo")["intersection", ALONE]
