@@ -12,7 +12,6 @@ from smarts.agents.hosting.links import InChildProcess
 from smarts.agents.hosting.options import RAY, HostError, HostOptions, Starter
 from smarts.agents.policy import BatchAgent
 from smarts.registry import import_own, own_paths
-from smarts.shipped import local, original
 from smarts.zoo.registry import make_agent, search, searched
 from smarts_agent_kit.server import AddressError, serve_address
 
@@ -29,7 +28,7 @@ def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
     """
     import_own(values.get("imports", ()))
     for folder in values.get("searched", ()):
-        search(local(folder))
+        search(folder)
     locator = values["agent"]
     agent, interface = make_agent(locator, **values.get("options", {}))
     if not isinstance(agent, BatchAgent):
@@ -46,8 +45,7 @@ def start_values(locator: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
     Own code that has been removed since it was imported is left out: another agent may not need it.
     """
-    found = (filter(os.path.exists, paths) for paths in (own_paths(), searched()))
-    imports, folders = ([str(original(path)) for path in paths] for paths in found)
+    imports, folders = ([*filter(os.path.exists, paths)] for paths in (own_paths(), searched()))
     return {"agent": locator, "options": dict(options), "imports": imports, "searched": folders}
 
 
