@@ -86,7 +86,9 @@ class Features:
         return Motion(pose, size, lane.reshape(shape), s.reshape(shape), offset.reshape(shape))
 
     def measure(self, own: Motion, others: Motion) -> dict[str, Floats]:
-        """Return the features of a vehicle by name, arrays of shape (R, T); differences have T - 5 instants.
+        """Return the features of a vehicle by name, arrays of shape (R, T), NaN while it is not there.
+
+        Differences have T - 5 instants.
 
         Args:
             own: The vehicle.
@@ -107,7 +109,7 @@ class Features:
             speed - np.take_along_axis(np.pad(speed2, ((0, 0), (0, 0), (0, 1))), leader, axis=-1)[..., 0]
         )
         is_closing = (gap < _NO_LEADER) & (closing > 0)
-        return {
+        found = {
             "speed": speed,
             "acceleration": (speed[:, _LAG:] - speed[:, :-_LAG]) / (_LAG * STEP),
             "yaw_rate": wrap_angle(turn[:, _LAG:] - turn[:, :-_LAG]) / (_LAG * STEP),
@@ -115,6 +117,8 @@ class Features:
             "time_to_collision": np.divide(gap, closing, out=np.full_like(gap, np.inf), where=is_closing),
             "lane_offset": own.offset,
         }
+        is_there = ~np.isnan(speed)
+        return {name: np.where(is_there[:, -each.shape[1] :], each, np.nan) for name, each in found.items()}
 
     def _onward(self, lane: int) -> Floats:
         """Return a row of `_ahead`; infinite for lanes to which the way does not lead, or from -1."""
@@ -129,7 +133,8 @@ class Features:
 def log_likelihoods(logged: Mapping[str, Floats], simulated: Mapping[str, Floats]) -> Floats:
     """Return the mean log-likelihood of a scene's logged values, by feature, shape (F,).
 
-    Each feature has one histogram of all rollouts and instants; `SMOOTHING` of it is spread evenly.
+    Each feature has one histogram of all rollouts and instants at which the vehicle is there; `SMOOTHING` of
+    it is spread evenly.
     """
     found = []
     for name, edges in BINS.items():
@@ -140,7 +145,7 @@ def log_likelihoods(logged: Mapping[str, Floats], simulated: Mapping[str, Floats
 
 def _shares(values: Floats, edges: Floats) -> Floats:
     counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
-    return counts / counts.sum()
+    return counts / max(counts.sum(), 1)
 
 
 def collides(own: Motion, others: Motion) -> Bools:

@@ -9,6 +9,7 @@ from typing import Any
 from benchmark.experiment.environment import Driving, Host
 from benchmark.experiment.runs import TaskSetting
 from smarts.agents.benchmark import MAX_STEPS, benchmark_interface
+from smarts.agents.criteria import DoneCriteria
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters import Adapter
 from smarts.env.vector import VectorHiWayEnv
@@ -31,6 +32,7 @@ def environment(
     record: Path | None = None,
     discount: float | None = None,
     max_episode_steps: int | None = None,
+    criteria: DoneCriteria | None = None,
     is_training: bool = False,
     observation: Observed | None = None,
     adapter: Adapter | None = None,
@@ -46,6 +48,7 @@ def environment(
         record: Folder that episodes are written to.
         discount: Discount of the learner, with which shaped rewards agree; by default that of the weights.
         max_episode_steps: Time limit of each agent, instead of the task setting's.
+        criteria: What ends an agent's episode, instead of the benchmark's criteria.
         is_training: Whether agents learn in it, so that `traffic_step` and `training_traffic` hold.
         observation: Observation instead of the task setting's, with the same rewards.
         adapter: Adapter instead of the task setting's, with its options.
@@ -66,13 +69,13 @@ def environment(
     driving, engine = given.driving(), given.traffic_engine
     if is_training and given.training_traffic == "native":
         driving, engine = {name: _without_bullet(each) for name, each in driving.items()}, "Native"
+    changes: dict[str, Any] = {"max_episode_steps": max_episode_steps}
+    if criteria is not None:
+        changes["done_criteria"] = criteria
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         [*shares],
-        agents={
-            name: interface_of(each).replace(max_episode_steps=max_episode_steps)
-            for name, each in driving.items()
-        },
+        agents={name: interface_of(each).replace(**changes) for name, each in driving.items()},
         decision_interval=given.decision_interval,
         observation=given.observation if observation is None else observation,
         reward=reward,

@@ -25,6 +25,7 @@ from benchmark.running.playing_together import Driver, TrainedDriver, play_toget
 from benchmark.running.policy import Policy, read_run
 from benchmark.running.recorded_windows import INSTANTS, Window, play_engine, windows_of
 from benchmark.running.testing import EVALUATION_SEED
+from smarts.agents.criteria import DoneCriteria
 from smarts.arrays import Bools, Floats
 from smarts.config import fitted
 from smarts.env.vector import VectorHiWayEnv
@@ -103,22 +104,16 @@ def _score(features: Features, windows: Sequence[Window], played: Iterator[Playe
         logged = features.motion(window.pose[None], window.size)
         everyone = features.motion(pose, window.size)
         for column in window.scenes:
-            own = features.motion(_kept(driven(column)), window.size[column])
-            if np.isnan(own.pose).any():
+            own = features.motion(driven(column), window.size[column])
+            if np.isnan(own.pose[:, 0]).any():
                 continue
             log, others = logged.of(column), everyone.without(column)
             measured = features.measure(log, logged.without(column)), features.measure(own, others)
             likelihoods.append(log_likelihoods(*measured))
-            apart.append(np.linalg.norm((own.pose - log.pose)[:, 1:, :2], axis=-1).mean())
+            apart.append(np.nanmean(np.linalg.norm((own.pose - log.pose)[:, 1:, :2], axis=-1)))
             collisions.append(collides(own, others).mean())
     means = {"displacement": np.mean(apart), "collisions": np.mean(collisions)}
     return realism(np.array(likelihoods)) | means | {"scenes": len(apart)}
-
-
-def _kept(pose: Floats) -> Floats:
-    """Return poses in which a vehicle that is no longer there keeps its last one."""
-    last = np.where(np.isnan(pose[..., 0]), 0, np.arange(pose.shape[1]))
-    return np.take_along_axis(pose, np.maximum.accumulate(last, axis=1)[..., None], axis=1)
 
 
 def _played_by(
@@ -148,9 +143,10 @@ def _played_by(
 
 
 def _driver(policy: str, scenario: str, traffic: str) -> tuple[VectorHiWayEnv, Driver]:
-    """Return simulations with one agent that ends with the window, and what drives it."""
+    """Return simulations with one agent, and what drives it; it ends with the window or off the map."""
     folder = RunFolder(Path(policy))
-    played: dict[str, Any] = {"num_envs": ENVS, "max_episode_steps": INSTANTS - 1}
+    never = DoneCriteria(collision=False, off_road=False, off_route=False)
+    played: dict[str, Any] = {"num_envs": ENVS, "max_episode_steps": INSTANTS - 1, "criteria": never}
     task = fitted({"name": "realism", "scenarios": [scenario]}, TrainingTask, policy)
     if folder.config.exists():
         run = read_run(folder)

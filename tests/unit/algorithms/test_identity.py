@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import PLAYING, Rig, cases, takes
+from rigs import Rig, cases, takes
 
+import algorithms
 from algorithms.parts.distributions import Exploration
 from tests.games.games import Ragged
 
@@ -15,7 +16,7 @@ IN_ORDER = {"bicnet", "mat", "opponent_q", "pr2", "qdpp", "rommeo"}
 TURN = [2, 0, 1]
 
 
-EQUAL = [name for name in PLAYING if takes(name, sharing="all", identity=False)]
+EQUAL = [name for name in algorithms.names() if takes(name, sharing="all", identity=False)]
 
 
 @pytest.mark.parametrize("name", cases([name for name in EQUAL if name not in IN_ORDER]))

@@ -10,6 +10,7 @@ import perf.recorded_brakes
 from benchmark.metrics.realism import BINS, LEAST_SCENES, Features, collides, log_likelihoods, realism
 from benchmark.running.realism import measure_realism
 from smarts.recordings.tracks import write_tracks
+from smarts.types.vehicles import VehicleKind
 from tests.maps import straight as road
 from tests.tracks import straight, track_of, tracks_of
 from tests.unit.benchmark.untrained import write_untrained
@@ -32,6 +33,9 @@ def test_likelihood_of_two_bins_by_hand():
     # One of 33 parts is spread over the 41 bins of speeds; half of the others is in the logged bin.
     assert math.exp(found[0]) == pytest.approx(32 / 33 / 2 + 1 / 33 / 41)
     assert math.exp(found[-1]) == pytest.approx(32 / 33 + 1 / 33 / 21)
+    simulated["speed"][1, 4:] = np.nan  # it is no longer there: 8 of 12 are left in the logged bin
+    found = log_likelihoods(values | {"speed": np.full((1, 8), 3.0)}, simulated)
+    assert math.exp(found[0]) == pytest.approx(32 / 33 * 8 / 12 + 1 / 33 / 41)
 
 
 def test_realism_is_the_mean_of_the_features_and_needs_scenes():
@@ -52,6 +56,10 @@ def test_features_by_hand():
     assert found["time_to_collision"][0, [0, 10]] == pytest.approx([5.0, 4.0])
     assert found["lane_offset"] == pytest.approx(0.5)
     assert found["acceleration"].shape == (1, INSTANTS - 5)
+    gone = np.where(np.arange(INSTANTS)[:, None] > 20, np.nan, driving(5.0, 0.5, 10.0))
+    for name, until in features.measure(features.motion(gone, CAR), others).items():
+        is_there = np.arange(until.shape[1]) <= 20 - (INSTANTS - until.shape[1])
+        np.testing.assert_array_equal(until, np.where(is_there, found[name], np.nan), err_msg=name)
     for speed, hits in ((9.9, False), (10.1, True)):  # 15 m in 5 s are 3 m/s
         assert collides(features.motion(driving(5.0, 0.5, speed), CAR), others).tolist() == [hits]
 
@@ -67,7 +75,7 @@ settings: {ppo: {sharing: all, hidden: [8, 8]}}
 
 @pytest.fixture(scope="module")
 def steady_and_changing(tmp_path_factory):
-    """Return a scenario whose vehicles keep their speeds, and one in which they change them."""
+    """Return scenarios whose vehicles keep their speeds, change them, or drive over a pedestrian."""
     t = np.arange(0.0, 20.0, 0.1)
     speed = 8.0 + 3.0 * np.sin(t)
     x = -100.0 + 8.0 * t + 3.0 * (1.0 - np.cos(t))
@@ -76,8 +84,9 @@ def steady_and_changing(tmp_path_factory):
         for each in range(12)
     ]
     steady = [straight(str(each), 4.0 * each, 4.0 * each + 16.0, -100.0, -4.8, 10.0) for each in range(12)]
+    standing = straight("standing", 0.0, 60.0, -40.0, -4.8, 0.0, kind=VehicleKind.PEDESTRIAN)
     found = []
-    for tracks in (steady, wave):
+    for tracks in (steady, wave, [*steady, standing]):
         folder = tmp_path_factory.mktemp("scenario") / "recorded"
         write_cross(folder)
         body = 'traffic={"recorded": t.Traffic([], engine="Recorded", recording=t.Recording("recording"))}'
@@ -100,6 +109,13 @@ def test_what_drives_as_recorded_scores_as_the_log(steady_and_changing):
     assert constant == pytest.approx(log)
     assert agent["displacement"] < 0.2
     assert agent["realism"] == pytest.approx(log["realism"], abs=0.02)
+
+
+def test_an_agent_drives_on_after_a_collision(steady_and_changing):
+    name = "smarts.zoo:non-interactive-v0"
+    found = by_name(steady_and_changing[2], policies=[name], engines=[], rollouts=1)
+    assert found[name]["collisions"] > 0.3
+    assert found[name]["displacement"] < 0.2
 
 
 def test_a_run_drives_alone_whatever_it_was_trained_on(steady_and_changing, tmp_path):

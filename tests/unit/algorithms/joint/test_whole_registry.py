@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import ray
-from rigs import PLAYING, first
+from rigs import first, known
 
 import algorithms
 from tests.games.games import Cues
@@ -33,20 +36,22 @@ print(json.dumps(scores))
 """
 
 
-FEW = {"ppo", "maddpg", "networked_q"}
-REST = {*PLAYING} - FEW
+FEW = {"ppo", "maddpg", "networked_q", "bc"}
+REST = {*algorithms.names()} - FEW
 
 
 @pytest.fixture(scope="module", params=first(FEW, REST), ids=["few", "rest"])
 def scores(request, cluster, tmp_path_factory):
     """Return checkpoints, also of one iteration later, and each algorithm's score before it was saved."""
     folder, found = tmp_path_factory.mktemp("checkpoints"), {}
+    pq.write_table(pa.table({"obs": np.eye(4).tolist(), "actions": [1, 2, 3, 0]}), folder / "cues")
+    given = {**REPLAY, "data": str(folder / "cues"), "updates": 3}
     for name in sorted(request.param):
         config = algorithms.config(name).environment(Cues).debugging(seed=3)
         config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=24)
         config.evaluation(evaluation_duration=4)
-        known = {setting: value for setting, value in REPLAY.items() if setting in config.setting_names}
-        algo = config.training(hidden=(16,), **known).build_algo()
+        own = known(name, given if name == "bc" else REPLAY)
+        algo = config.training(hidden=(16,), **own).build_algo()
         for _ in range(2):
             result = algo.train()
         found[name] = algo.evaluate()["env_runners"]["episode_return_mean"]
