@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
+from smarts.shipped import local
 
 OWN_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 """`module:Class`; everything else is a registered name."""
@@ -286,7 +287,7 @@ def import_own(paths: Iterable[str | Path]) -> None:
         OwnCodeError: A path is no Python file or folder, or its name cannot be imported or is taken.
     """
     for given in paths:
-        path = Path(given).absolute()
+        path = local(Path(given).absolute())
         name = path.stem if path.suffix == ".py" else path.name
         if not path.exists() or (path.is_file() and path.suffix != ".py"):
             raise OwnCodeError(

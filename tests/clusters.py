@@ -1,4 +1,4 @@
-"""Ray clusters of several nodes on this machine."""
+"""Ray clusters of several nodes on this machine, which share nothing that a cluster of machines would not."""
 
 import os
 import shutil
@@ -13,6 +13,10 @@ from ray.cluster_utils import Cluster
 
 from tests.commands import LIMIT, ROOT
 
+HIDES = subprocess.run(["unshare", "-r", "-m", "true"], check=False, capture_output=True).returncode == 0
+"""Whether the system lets a process have folders that others do not see."""
+ON_A_NODE = "NODE_OF_A_TEST"
+"""Environment variable of the nodes' processes."""
 TOKEN = Path.home() / ".ray" / "auth_token"
 """Ray's, which all machines of a cluster need."""
 
@@ -33,7 +37,7 @@ class Nodes:
         if TOKEN.exists():
             (home / TOKEN.parent.name).mkdir()
             shutil.copy(TOKEN, home / TOKEN.parent.name)
-        places = {"HOME": home, "XDG_CACHE_HOME": home / "cache", "TMPDIR": home / "tmp", "PYTHONPATH": ROOT}
+        places = {"HOME": home, "XDG_CACHE_HOME": home / "cache", "TMPDIR": home / "tmp", ON_A_NODE: name}
         # A node that is killed is missed after 2 s instead of 15 s.
         config = {"health_check_period_ms": 500, "health_check_failure_threshold": 4}
         return self._cluster.add_node(
@@ -88,16 +92,36 @@ def nodes(*cpus):
         shutil.rmtree(root, ignore_errors=True)
 
 
-def begin_driver(*arguments):
-    """Start `smarts-bench` with arguments, in a process group of its own."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "benchmark.cli", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        start_new_session=True,
-    )
+class Driver:
+    """The machine that commands run on: a folder that nodes see empty."""
+
+    def __init__(self, folder):
+        self.folder, self.content = folder / "driver", folder / "content"
+        self.folder.mkdir()
+        self.content.mkdir()
+        if not HIDES:
+            self.folder.rmdir()
+            self.folder.symlink_to(self.content)
+
+    def begin(self, *arguments):
+        """Start `smarts-bench` with arguments, which name files in `folder`; they are in `content`."""
+        command = [sys.executable, "-m", "benchmark.cli", *map(str, arguments)]
+        if HIDES:
+            hide = 'mount --bind "$1" "$2"; shift 2; exec "$@"'
+            places = [str(self.content), str(self.folder)]
+            command = ["unshare", "-r", "-m", "sh", "-c", hide, "sh", *places, *command]
+        return subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            start_new_session=True,
+        )
+
+    def is_hidden(self):
+        """Return whether nothing was written into the folder that nodes see."""
+        return not HIDES or not [*self.folder.iterdir()]
 
 
 def eventually(condition):

@@ -28,11 +28,12 @@ PLACE = "resources.address"
 REMEDY = "start a cluster with `ray start --head`, or leave the address out"
 
 
-def start_ray(resources: Resources) -> None:
+def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None) -> None:
     """Join the cluster, or start Ray on this machine.
 
     Args:
         resources: Resources of an experiment.
+        runtime_env: What Ray brings to the machines of the cluster; see `shipped_code`.
 
     Raises:
         ResultsError: There is no cluster at the address, Ray does not start, or there is too little; or an
@@ -55,6 +56,7 @@ def start_ray(resources: Resources) -> None:
                 log_to_driver=False,
                 logging_level=logging.ERROR,
                 ignore_reinit_error=True,
+                runtime_env=None if runtime_env is None else dict(runtime_env),
             )
     except Exception as error:  # Ray raises errors of many types, plain `Exception` too
         raise ResultsError(

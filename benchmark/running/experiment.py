@@ -29,6 +29,7 @@ from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress, plan
 from benchmark.running.machine import command, commit
 from benchmark.running.played import build_played, held_out_of, scenario_digests, scenarios_by_traffic
+from benchmark.running.shipping import shipped_code
 from benchmark.running.signals import handled
 from smarts.agents.hosting.options import hosts_of
 from smarts.agents.social import bubble_learning, social_agents
@@ -78,7 +79,8 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
             return _summarize(scheduler.states, root)
         is_callers = ray.is_initialized()
         try:
-            start_ray(experiment.resources)
+            with shipped_code(experiment) as code:
+                start_ray(experiment.resources, code)
             print(plan(scheduler.states, scheduler.most_at_once()), file=sys.stderr)
             with live:
                 states = _run(scheduler)

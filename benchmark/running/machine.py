@@ -14,6 +14,8 @@ from typing import Any
 from ray._common.utils import get_system_memory
 from ray._private.utils import get_current_node_cpu_model_name, get_num_cpus
 
+COMMIT = "shipped/commit"
+"""File that names the commit of code that another machine has shipped, beside the packages."""
 CODE = tuple(
     f"{folder}/*.{kind}"
     for folder in ("algorithms", "benchmark", "smarts", "smarts_agent_kit")
@@ -46,6 +48,8 @@ def commit() -> str | None:
     New files count in the folders of the program alone: scenarios and own code are named by their digests.
     """
     tree = Path(__file__).parents[2]
+    if (shipped := tree / COMMIT).is_file():
+        return shipped.read_text(encoding="utf-8") or None
     try:
         # An installation may lie in the repository of another project, which knows nothing of its files.
         _git(tree, "ls-files", "--error-unmatch", str(Path(__file__).relative_to(tree)))

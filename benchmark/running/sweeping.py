@@ -35,6 +35,7 @@ from benchmark.running.experiment import check_task_settings, interrupted, resum
 from benchmark.running.importing import named_own_code
 from benchmark.running.messages import Kept, RunProgress
 from benchmark.running.played import scenario_digests
+from benchmark.running.shipping import shipped_code
 from benchmark.running.signals import handled
 from benchmark.running.training import Training, algorithm_of, config_of
 from smarts.errors import shortened
@@ -75,7 +76,8 @@ def sweep(experiment: Experiment, root: Path) -> int:
                 RunFolder(folder / SEARCH).check_start(run.content())
         try:
             if not all(ended):
-                start_ray(experiment.resources)
+                with shipped_code(experiment) as code:
+                    start_ray(experiment.resources, code)
             with _stoppable() as stopped:
                 for run, folder, has_ended in zip(runs, folders, ended, strict=True):
                     if has_ended:

@@ -48,7 +48,7 @@ DESCRIBED = "described"
 PLAIN_KINDS = ("nod", "edg", "con", "typ", "tll")
 """The kinds of SUMO's plain XML that make up a map."""
 PACKAGE = Path(__file__).resolve().parents[1]
-CODE = ("arrays.py", "errors.py", "registry.py", "whole_files.py")
+CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "whole_files.py")
 CODE += ("types", "geometry", "roads", "recordings", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
 LIBRARIES = ("eclipse-sumo", "numpy", "shapely")

@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.shipped import local
 from smarts.sstudio.encoding import digest
 
 SCRIPT = "scenario.py"
@@ -64,9 +65,10 @@ def locate(path: str | Path) -> Location:
     Raises:
         UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
     """
-    text, variation = os.fspath(path), None
+    text, variation = os.fspath(local(path)), None
     if not Path(text).exists() and VARIATION_MARK in text:
         text, _, variation = text.rpartition(VARIATION_MARK)
+        text = os.fspath(local(text))
     found = Path(text)
     if found.name == SCRIPT and found.is_file():
         found = found.parent

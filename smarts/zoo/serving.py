@@ -12,6 +12,7 @@ from smarts.agents.hosting.links import InChildProcess
 from smarts.agents.hosting.options import RAY, HostError, HostOptions, Starter
 from smarts.agents.policy import BatchAgent
 from smarts.registry import import_own, own_paths
+from smarts.shipped import local, original
 from smarts.zoo.registry import make_agent, search, searched
 from smarts_agent_kit.server import AddressError, serve_address
 
@@ -28,7 +29,7 @@ def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
     """
     import_own(values.get("imports", ()))
     for folder in values.get("searched", ()):
-        search(folder)
+        search(local(folder))
     locator = values["agent"]
     agent, interface = make_agent(locator, **values.get("options", {}))
     if not isinstance(agent, BatchAgent):
@@ -45,7 +46,8 @@ def start_values(locator: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
     Own code that has been removed since it was imported is left out: another agent may not need it.
     """
-    imports, folders = ([*filter(os.path.exists, paths)] for paths in (own_paths(), searched()))
+    found = (filter(os.path.exists, paths) for paths in (own_paths(), searched()))
+    imports, folders = ([str(original(path)) for path in paths] for paths in found)
     return {"agent": locator, "options": dict(options), "imports": imports, "searched": folders}
 
 

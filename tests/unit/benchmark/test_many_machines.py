@@ -1,4 +1,4 @@
-"""Experiments on clusters that lose some of their machines."""
+"""Experiments on clusters whose machines have only third-party packages, and which lose some of them."""
 
 import json
 import os
@@ -10,8 +10,8 @@ import yaml
 
 from benchmark.metrics.table import read_table
 from benchmark.results.progress import read_progress
-from tests.clusters import begin_driver, eventually, nodes
-from tests.commands import ROOT, finish, wait_for
+from tests.clusters import ON_A_NODE, ROOT, Driver, eventually, nodes
+from tests.commands import finish, wait_for
 
 EXPERIMENT = """
 name: far
@@ -31,12 +31,19 @@ budget: {agent_steps: 10000}
 evaluation: {episodes: 2, validations: 2, validation_episodes: 1, modes: [greedy], keep_episodes: true}
 resources: {num_envs_per_env_runner: 2}
 """
-OWN = """
+OWN = f"""
+import os
+
 import numpy as np
 
+import smarts
 from smarts.agents import ActionSpaceType, AgentInterface
 from smarts.agents.policy import BatchAgent
 from smarts.zoo import register
+
+if "{ON_A_NODE}" in os.environ:  # this project's code is shipped, too
+    assert "working_dir_files" in smarts.__file__, smarts.__file__
+    assert "working_dir_files" in __file__, __file__
 
 
 class Reward:
@@ -60,21 +67,24 @@ register("slow-v0", Slow)
 
 @pytest.fixture
 def driver(tmp_path):
-    """A folder that all machines share, with an experiment, own code and a scenario of its own."""
-    (tmp_path / "own.py").write_text(OWN)
-    (tmp_path / "far.yaml").write_text(EXPERIMENT.replace("[ring]", f"[{tmp_path}/ring]"))
+    """A machine with an experiment, own code and a scenario of its own."""
+    made = Driver(tmp_path)
+    (made.content / "own.py").write_text(OWN)
+    (made.content / "far.yaml").write_text(EXPERIMENT.replace("[ring]", f"[{made.folder}/ring]"))
     ignored = shutil.ignore_patterns("build", "__pycache__")
-    shutil.copytree(ROOT / "scenarios" / "loop", tmp_path / "ring", ignore=ignored)
-    return tmp_path
+    shutil.copytree(ROOT / "scenarios" / "loop", made.content / "ring", ignore=ignored)
+    return made
 
 
 def begin(driver, cluster, *more):
     address = ("--set", f"resources.address='{cluster.address}'")
-    return begin_driver("run", driver / "far.yaml", "--out", driver / "results", *address, *more)
+    return driver.begin(
+        "run", driver.folder / "far.yaml", "--out", driver.folder / "results", *address, *more
+    )
 
 
 def folder_of(driver, seed=3):
-    return driver / f"results/far/ppo/ring/no_social_vehicles/seed_{seed}"
+    return driver.content / f"results/far/ppo/ring/no_social_vehicles/seed_{seed}"
 
 
 def lines(run):
@@ -94,8 +104,8 @@ def check_finished(driver, run):
     assert len(read_table(run / "episodes.parquet")) == 2 * 2
     assert len([*(run / "episodes" / "greedy-ring").glob("seed*")]) == 2
     config = yaml.safe_load((run / "config.yaml").read_text())
-    assert config["scenarios"] == [f"{driver}/ring"]
-    assert config["imports"] == [f"{driver}/own.py"]
+    assert config["scenarios"] == [f"{driver.folder}/ring"]
+    assert config["imports"] == [f"{driver.folder}/own.py"]
 
 
 def test_a_node_that_is_lost_costs_a_run_what_came_after_its_checkpoint(driver):
@@ -111,6 +121,7 @@ def test_a_node_that_is_lost_costs_a_run_what_came_after_its_checkpoint(driver):
             check_finished(driver, run)
         facts = [json.loads((run / "run.json").read_text()) for run in runs]
         assert sorted(len(each.get("continued", ())) for each in facts) == [0, 1]
+        assert driver.is_hidden()
         eventually(lambda: not cluster.left_over())
         eventually(lambda: not cluster.workers("ray::_execute"))
         eventually(lambda: not cluster.workers("ray::_Actor"))
@@ -147,3 +158,4 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
         check_finished(driver, run)
         # By the second command; the run itself has lost nothing.
         assert len(json.loads((run / "run.json").read_text())["continued"]) == 1
+        assert driver.is_hidden()
