@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 from smarts.arrays import Bools, Floats, Longs
 from smarts.geometry.boxes import boxes_overlap
 from smarts.recordings.matching import lanes_of
+from smarts.recordings.signals import lights_of
 from smarts.recordings.tracks import SAMPLE, Tracks
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind
@@ -86,8 +87,12 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
         *_of_pairs(tracks, pairs, dt),
         *_in_tracks(tracks, on_lane, dt),
     )
+    contents = _contents(tracks, np.bincount(frame[is_in_frame]), dt)
+    if len(tracks.signals):
+        known = f", {lights_of(tracks.signals, roads)[1]} of them found on the map" if roads else ""
+        contents += f"; {len(np.unique(tracks.signals[:, 1:5], axis=0))} ways with signals{known}"
     return Report(
-        _contents(tracks, np.bincount(frame[is_in_frame]), dt),
+        contents,
         None if roads is None else share_of_vehicles(on_lane, tracks),
         findings,
     )

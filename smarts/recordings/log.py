@@ -18,6 +18,7 @@ from smarts.geometry.frames import wrap_angle
 from smarts.recordings.gaps import headways
 from smarts.recordings.matching import lanes_of, routes_of
 from smarts.recordings.paths import Paths
+from smarts.recordings.signals import lights_of
 from smarts.recordings.tracks import RecordingError, Tracks
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.paces import LATERAL
@@ -47,6 +48,8 @@ class Log:
     paths: Paths
     routes: tuple[tuple[int, ...], ...]
     """Numbers of the road edges along each track."""
+    lights: NDArray
+    """What lanes show; see `lights_of`."""
 
     def most_at_once(self) -> int:
         """Return how many vehicles there are at most at a time."""
@@ -59,6 +62,7 @@ class Log:
         counts = np.array([len(each) for each in self.routes], np.int32)
         buffer = io.BytesIO()
         named = self.paths._asdict() | {"names": np.array(self.names), "edges": edges, "edge_counts": counts}
+        named["lights"] = self.lights
         np.savez(buffer, allow_pickle=False, **named)
         file.write_bytes(buffer.getvalue())
 
@@ -74,11 +78,11 @@ class Log:
                 paths = Paths._make(found[name] for name in Paths._fields)
                 ends = np.cumsum(found["edge_counts"])
                 routes = np.split(found["edges"], ends[:-1])
-                names = tuple(found["names"].tolist())
+                names, lights = tuple(found["names"].tolist()), found["lights"]
         except (OSError, ValueError, KeyError) as error:
             remedy = "delete the scenario's build folder; it is then rebuilt"
             raise TrafficError(f"not a saved log: {error}", place=str(file), remedy=remedy) from error
-        return cls(names, paths, tuple(tuple(each.tolist()) for each in routes))
+        return cls(names, paths, tuple(tuple(each.tolist()) for each in routes), lights)
 
 
 def make_log(tracks: Tracks, roads: LaneGraph, begin: float = 0.0, end: float = np.inf) -> Log:
@@ -112,7 +116,7 @@ def make_log(tracks: Tracks, roads: LaneGraph, begin: float = 0.0, end: float = 
     position, heading = np.column_stack([paths.x, paths.y]), wrap_angle(paths.turn)
     routes = routes_of(position, heading, paths.sample, roads)
     routes = (() if on_foot else route for route, on_foot in zip(routes, walks, strict=True))
-    return Log(names, paths, tuple(routes))
+    return Log(names, paths, tuple(routes), lights_of(tracks.signals, roads)[0])
 
 
 _SHAPE = ("kind", "length", "width")

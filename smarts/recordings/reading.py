@@ -172,6 +172,7 @@ def _completed(tracks: Tracks, facts: dict[str, str], rule: HeadingRule) -> Trac
     return replace(
         tracks,
         t=tracks.t - tracks.t.min(),
+        signals=tracks.signals - np.eye(1, 6) * tracks.t.min(),
         length=np.where(known, tracks.length, sizes[:, 0]),
         width=np.where(known, tracks.width, sizes[:, 1]),
         heading=wrap_angle(heading),

@@ -42,7 +42,7 @@ def repaired(tracks: Tracks) -> tuple[Tracks, list[str]]:
     if count:
         for first, each in zip(late, apart, strict=True):
             each.samples[0, 0] = first
-        tracks = Tracks.of(apart, tracks.facts)
+        tracks = Tracks.of(apart, tracks.facts, tracks.signals)
         said.append(
             f"the first samples of {count} of {len(apart)} tracks had times at which, by their speeds, the "
             "vehicles were not there yet, and get the right ones"

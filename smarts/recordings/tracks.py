@@ -1,6 +1,7 @@
 """The tracks of a recording as arrays, and their files in a folder.
 
-Every format becomes `tracks.parquet`, a row for each sample, track by track.
+Every format becomes `tracks.parquet`, a row for each sample, track by track, and `signals.parquet` where it
+has traffic lights, a row for each change.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import pyarrow.parquet as pq
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import SmartsError
+from smarts.recordings.signals import NO_SIGNALS, read_signals, write_signals
 from smarts.types.vehicles import VehicleKind
 from smarts.whole_files import written_whole
 
@@ -74,9 +76,13 @@ class Tracks:
     facts: Mapping[str, str] = field(default_factory=dict)
     """Where the recording comes from: name, source, source_format, licence, attribution, time_step
     and duration [s], is_traffic ("true" or "false"); what is assumed and left_out."""
+    signals: Floats = field(default_factory=NO_SIGNALS.copy)
+    """What traffic lights showed: columns as in `signals.SIGNAL`, shape (N, 6)."""
 
     @classmethod
-    def of(cls, tracks: Iterable[Track], facts: Mapping[str, str] | None = None) -> Tracks:
+    def of(
+        cls, tracks: Iterable[Track], facts: Mapping[str, str] | None = None, signals: Floats = NO_SIGNALS
+    ) -> Tracks:
         """Return tracks as arrays, in order of their first time; each has one sample or more."""
         ordered = sorted(tracks, key=lambda track: track.samples[0, 0])
         samples = np.concatenate([np.zeros((0, 5)), *(track.samples for track in ordered)])
@@ -87,6 +93,7 @@ class Tracks:
             width=np.array([track.width for track in ordered], float),
             start=np.cumsum([0, *(len(track.samples) for track in ordered)], dtype=np.int32),
             facts=dict(facts or {}),
+            signals=signals,
             **dict(zip(SAMPLE, np.ascontiguousarray(samples.T), strict=True)),
         )
 
@@ -101,7 +108,7 @@ class Tracks:
         """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone."""
         masks = zip(self.apart(), np.split(keeps, self.start[1:-1]), strict=True)
         kept = (track._replace(samples=track.samples[mask]) for track, mask in masks if mask.any())
-        return Tracks.of(kept, self.facts)
+        return Tracks.of(kept, self.facts, self.signals)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -113,7 +120,7 @@ class Tracks:
 
 
 def write_tracks(tracks: Tracks, folder: Path) -> None:
-    """Write a recording's file into a folder.
+    """Write a recording's files into a folder.
 
     Raises:
         SmartsError: It cannot be written.
@@ -126,6 +133,7 @@ def write_tracks(tracks: Tracks, folder: Path) -> None:
     table = pa.table(made, [*_COLUMNS]).replace_schema_metadata({"format": FORMAT, **tracks.facts})
     with written_whole(folder / TRACKS) as partial:
         pq.write_table(table, partial)
+    write_signals(tracks.signals, folder)
 
 
 def read_tracks(folder: Path) -> Tracks:
@@ -145,6 +153,7 @@ def read_tracks(folder: Path) -> Tracks:
         width=columns["width"][first],
         start=np.append(first, len(track)).astype(np.int32),
         facts=facts,
+        signals=read_signals(folder),
         **{name: columns[name] for name in SAMPLE},
     )
     if problem := _problem(tracks):

@@ -28,7 +28,8 @@ class Transform:
 
 def transformed(tracks: Tracks, transform: Transform) -> Tracks:
     """Return a recording in the coordinates of its map; headings, speeds and sizes follow."""
-    x, y, along, across = tracks.x, tracks.y, np.cos(tracks.heading), np.sin(tracks.heading)
+    signals, along, across = tracks.signals.copy(), np.cos(tracks.heading), np.sin(tracks.heading)
+    x, y = np.vstack([np.column_stack([tracks.x, tracks.y]), signals[:, 1:5].reshape(-1, 2)]).T
     if transform.swap_xy:
         x, y, along, across = y, x, across, along
     x = x * transform.scale - transform.x_margin
@@ -36,4 +37,6 @@ def transformed(tracks: Tracks, transform: Transform) -> Tracks:
     if transform.flip_y is not None:
         y, across = transform.flip_y - y, -across
     sizes = {name: getattr(tracks, name) * transform.scale for name in ("length", "width", "speed")}
-    return replace(tracks, x=x, y=y, heading=wrap_angle(np.arctan2(across, along)), **sizes)
+    heading, count = wrap_angle(np.arctan2(across, along)), len(tracks.x)
+    signals[:, 1:5] = np.column_stack([x, y])[count:].reshape(-1, 4)
+    return replace(tracks, x=x[:count], y=y[:count], heading=heading, signals=signals, **sizes)

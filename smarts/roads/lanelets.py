@@ -58,6 +58,8 @@ class Lanelet:
     kind: LaneKind = LaneKind.CAR
     inside: bool = False
     """Whether the map says that it lies inside a junction."""
+    lights: tuple[str, ...] = ()
+    """The traffic lights at its end."""
 
 
 def read_lanelets(kind: str, path: Path) -> list[Lanelet]:
@@ -105,6 +107,8 @@ class _Turn(NamedTuple):
     inside: tuple[str, ...]
     """The lanelets inside the junction that it is drawn as."""
     target: str
+    is_lit: bool
+    """Whether it has a traffic light."""
 
 
 class _Network:
@@ -167,7 +171,11 @@ class _Network:
         self.lanes = {
             name: _Lane(edge, k) for edge, road in self.groups.items() for k, name in enumerate(road)
         }
-        self.turns = [_Turn(name, *way) for name in self.lanes for way in self._ways(name)]
+        self.turns = [
+            _Turn(name, *way, is_lit=any(self.by_id[each].lights for each in (name, *way[0])))
+            for name in self.lanes
+            for way in self._ways(name)
+        ]
         self.node_of = self._joined_ends()
         mouths: dict[str, list[Floats]] = {}
         for (edge, end), node in self.node_of.items():
@@ -224,8 +232,11 @@ class _Network:
         root = Element("nodes")
         counts = Counter(self.node_of.values())
         places = {node: self.lines[self.groups[edge][0]][end] for (edge, end), node in self.node_of.items()}
+        lit = {self.node_of[self.lanes[turn.source].edge, -1] for turn in self.turns if turn.is_lit}
         for node, (x, y) in places.items():
             element = SubElement(root, "node", id=node, x=f"{x:.3f}", y=f"{y:.3f}")
+            if node in lit:
+                element.set("type", "traffic_light")
             if counts[node] > 1:
                 element.set("shape", _shape(shapely.get_coordinates(self.outlines[node])[:-1]))
         return root
@@ -247,7 +258,7 @@ class _Network:
     def connections(self) -> Element:
         """Return the connections, which have the shape of all that lies in the outline of their node."""
         root = Element("connections")
-        for source, inside, target in self.turns:
+        for source, inside, target, is_lit in self.turns:
             (edge, lane), (edge2, lane2) = self.lanes[source], self.lanes[target]
             outline = self.outlines[self.node_of[edge, -1]]
             parts = [
@@ -256,6 +267,7 @@ class _Network:
                 _part_in(outline, self.lines[target], 0),
             ]
             ends = {"from": edge, "to": edge2, "fromLane": str(lane), "toLane": str(lane2)}
+            ends["uncontrolled"] = str(not is_lit).lower()
             SubElement(root, "connection", ends, shape=_shape(without_repeats(np.vstack(parts))))
         return root
 

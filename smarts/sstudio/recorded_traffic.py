@@ -15,6 +15,7 @@ import numpy as np
 from smarts.errors import ScenarioError, nearest_names
 from smarts.recordings.headings import HeadingRule
 from smarts.recordings.reading import READERS, Source, read
+from smarts.recordings.signals import SIGNALS
 from smarts.recordings.tracks import TRACKS, Tracks, read_tracks
 from smarts.recordings.transforms import Transform, transformed
 from smarts.roads.lane_graph import LaneGraph
@@ -60,10 +61,12 @@ def recording_files(scenario: Scenario, directory: Path) -> list[str]:
     """Return the files of the recordings that a scenario's traffic names; folders have Parquet files."""
     recordings = (traffic.recording for traffic in (scenario.traffic or {}).values())
     found = [each for each in recordings if isinstance(each, Recording)]
-    sources = [Path(each.source, "" if each.history else TRACKS) for each in found]
-    inside = [[each / file.name for file in sorted((directory / each).glob("*.parquet"))] for each in sources]
-    pairs = zip(sources, inside, strict=True)
-    return [file.as_posix() for source, files in pairs for file in files or [source]]
+    files: list[Path] = []
+    for each in found:
+        inside = [Path(each.source, file.name) for file in (directory / each.source).glob("*.parquet")]
+        own = [file for file in sorted(inside) if each.history or file.name in (TRACKS, SIGNALS)]
+        files += own or [Path(each.source, "" if each.history else TRACKS)]
+    return [file.as_posix() for file in files]
 
 
 def taken_vehicles(scenario: Scenario) -> dict[str, float]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smarts.arrays import Bools, Bytes, Ints
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.binding import Replaceable, bind
 from smarts.providers.gates import find_too_close
@@ -60,7 +60,9 @@ class Recorded(TrafficEngine):
             )
         )
         self._points = cache(lambda path: self._traffic.value.paths.points(path))
-        self._logs: dict[Path, range] = {}
+        self._logs: dict[Path, tuple[range, Floats]] = {}
+        self._lights: dict[int, Floats] = {}
+        """What is still to be shown in each simulation that has any."""
         self._lanes: dict[tuple[int, int], int] = {}
         """Path of each lane of each map, as far as known."""
         self._names: list[str] = []
@@ -91,7 +93,7 @@ class Recorded(TrafficEngine):
             recording = start.traffic.recording
             if recording is None:  # `Schedule` refuses it before
                 raise TrafficError("the traffic is not recorded", place=start.scenario)
-            tracks = self._log(recording.log)
+            tracks, self._lights[row] = self._log(recording.log)
             self.sims[row] = np.zeros((), state.SIMULATION)
             self._cars[row] = np.zeros((), state.CAR)
             self._cars["generation"][row] = self._cars["track"][row] = -1
@@ -100,6 +102,7 @@ class Recorded(TrafficEngine):
             sim["first"] = sim["next"] = sim["oldest"] = tracks.start
             sim["last"], sim["begin"], sim["limit"] = tracks.stop, recording.begin, start.limit
             sim["reacts"] = recording.mode == "reactive"
+            self._show(row)
             self._admit(self._find_due(row, *self._found, 0))
 
     def step(self, env_mask: Bools) -> None:
@@ -108,6 +111,8 @@ class Recorded(TrafficEngine):
         for place in range(self._find_new(env_mask, rows, slots)):
             self._take(int(rows[place]), int(slots[place]))
         entering, leaving = self._step(env_mask, *self._found, *self._left)
+        for row in (row for row, lights in self._lights.items() if len(lights) and env_mask[row]):
+            self._show(row)
         for row, slot in self._left[:, :leaving].T.tolist():
             self._world.registry.dismiss(row, slot)
         self._admit(entering)
@@ -132,6 +137,15 @@ class Recorded(TrafficEngine):
             world.vehicles.route[row, slot] = world.routes.number(row, self._routes[track])
             world.paths[row][slot, int(world.vehicles.generation[row, slot])] = self._points(track)
             self._enter(row, slot, track)
+
+    def _show(self, row: int) -> None:
+        """Write what lights show now."""
+        now = self.sims["begin"][row] + self._world.step[row] * self._world.dt
+        shown, self._lights[row] = np.split(
+            self._lights[row], [np.searchsorted(self._lights[row][:, 0], now + stepping.SLACK)]
+        )
+        # Of changes of one lane the last one stays.
+        self._world.signals[row, shown[:, 1].astype(int)] = shown[:, 2]
 
     def _take(self, row: int, slot: int) -> None:
         """Begin to drive a vehicle that another provider has driven."""
@@ -174,12 +188,12 @@ class Recorded(TrafficEngine):
         needed = self._acceleration(row, slot, path, s, False)
         return Refusal.SPEED if needed < -BRAKING else Refusal.NONE
 
-    def _log(self, file: Path) -> range:
-        """Return the paths of a log; read it if it is new."""
+    def _log(self, file: Path) -> tuple[range, Floats]:
+        """Return the paths and the lights of a log; read it if it is new."""
         if file not in self._logs:
             log = Log.load(file)
             first = self._add(log.paths, log.names, log.routes)
-            self._logs[file] = range(first, first + len(log.names))
+            self._logs[file] = range(first, first + len(log.names)), log.lights
         return self._logs[file]
 
     def _lane_path(self, m: int, lane: int) -> int:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pandas as pd
 
 from smarts.recordings.reading import Source, tracks_of_rows
+from smarts.recordings.signals import way_across
 from smarts.recordings.tracks import SAMPLE, Tracks
-from smarts.types.episode_schema import EPISODE, NAMES, VEHICLE, VEHICLES
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.episode_schema import EPISODE, NAMES, SIGNALS, VEHICLE, VEHICLES
 
 _KEY = [column.name for column in VEHICLE]
 
@@ -17,15 +22,24 @@ def read(source: Source) -> Tracks:
     Vehicles far from agents are not recorded, so tracks may begin late and have gaps.
     """
     shape, places = ["kind", "length", "width"], ["step", "x", "y", "heading", "speed"]
-    wanted = {EPISODE: ["dt", "scenario"], NAMES: [*_KEY, "name"], VEHICLES: [*_KEY, *shape, *places]}
-    episode, names, vehicles = (
+    wanted = {EPISODE: ["dt", "scenario", "map"], NAMES: [*_KEY, "name"], VEHICLES: [*_KEY, *shape, *places]}
+    wanted[SIGNALS] = ["step", "lane", "signal"]
+    episode, names, vehicles, signals = (
         pd.read_parquet(source.path / f"{table.name}.parquet", columns=columns)
         for table, columns in wanted.items()
     )
     rows = vehicles.merge(names, on=_KEY)
-    rows["t"] = rows["step"] * float(episode["dt"].iloc[0])
+    dt, scenario, digest = episode.iloc[0]
+    rows["t"] = rows["step"] * dt
     users = {
         name: tuple(of) for name, *of in rows.drop_duplicates("name")[["name", *shape]].to_numpy().tolist()
     }
-    facts = {"name": str(episode["scenario"].iloc[0])}
-    return tracks_of_rows(rows["name"].tolist(), users, rows[[*SAMPLE]].to_numpy(float), facts)
+    facts = {"name": str(scenario)}
+    tracks = tracks_of_rows(rows["name"].tolist(), users, rows[[*SAMPLE]].to_numpy(float), facts)
+    if not len(signals):
+        return tracks
+    roads = LaneGraph.load(source.path.parent / "maps" / f"{digest}.npz")
+    step, lane, state = signals.to_numpy(int).T
+    points = roads.point_start[[[each, way_across(roads, each)[-1] + 1] for each in lane.tolist()]]
+    places = roads.point_xy[points - [0, 1]].reshape(-1, 4)
+    return replace(tracks, signals=np.column_stack([step * dt, places, state]))

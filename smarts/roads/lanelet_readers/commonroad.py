@@ -58,6 +58,7 @@ def read(path: Path) -> list[Lanelet]:
                 min(limits, default=MOTORWAY if "highway" in types else URBAN),
                 next((KINDS[each] for each in KINDS if each in types), LaneKind.CAR),
                 name in inside,
+                tuple(each.attrib["ref"] for each in element.iterfind("trafficLightRef")),
             )
         )
     return lanelets

@@ -52,7 +52,7 @@ def test_commonroad(tmp_path):
     assert (tracks.length.tolist(), tracks.width.tolist()) == ([4, 0.215, 4, 3], [2, 0.478, 2, 3])
     assert samples(tracks, "10") == pytest.approx(np.array([[0, 1, 2, 0.5, 4], [0.2, 1.4, 2, 0.5, 4.5]]))
     assert samples(tracks, "11") == pytest.approx(np.array([[0.2, 1, 4, 0, 2], [0.4, 3, 4, 0.1, 2]]))
-    facts = {"name": "X-1", "attribution": "S", "left_out": "traffic light (2), train (1)"}
+    facts = {"name": "X-1", "attribution": "S", "left_out": "train (1), traffic light (2)"}
     assert tracks.facts.items() >= (facts | {"time_step": "0.2", "duration": "0.4"}).items()
 
 
@@ -140,7 +140,8 @@ def test_own_episodes(tmp_path):
     vehicles.to_parquet(tmp_path / "vehicles.parquet")
     names = pd.DataFrame({"slot": 1, "generation": [0, 1], "name": ["early", "late"]})
     names.to_parquet(tmp_path / "names.parquet")
-    pd.DataFrame({"dt": [0.1], "scenario": ["loop"]}).to_parquet(tmp_path / "episode.parquet")
+    pd.DataFrame(columns=["step", "lane", "signal"]).to_parquet(tmp_path / "signals.parquet")
+    pd.DataFrame({"dt": [0.1], "scenario": ["loop"], "map": ["m"]}).to_parquet(tmp_path / "episode.parquet")
     tracks = read(Source(tmp_path))
     assert tracks.names == ("early", "late")
     assert samples(tracks, "late") == pytest.approx(np.array([[0.1, 9, 2, 0.25, 3], [0.2, 9.3, 2, 0.25, 3]]))
