@@ -72,9 +72,7 @@ pictures: $(KERNELS)  ## draw the sheet of all scenarios, and the film and pictu
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
 	$(BIN)/smarts-bench evaluate --agent smarts.zoo:gap-acceptance-v0 --scenario intersection \
 		--traffic random_social_vehicles --episodes 1 --out "$$episodes"/played && \
-	$(BIN)/smarts-bench view "$$episodes"/played/episodes/*/seed42_world2000000_episode00000 \
-		--out "$$episodes"/driving.smarts && \
-	$(BIN)/python -m tests.envision.screenshots docs "$$episodes"/driving.smarts && \
+	$(BIN)/python -m tests.envision.screenshots docs "$$episodes"/played/episodes/*/seed42_world2000000_episode00000 && \
 	$(BIN)/python examples/bubbles.py "$$episodes"/bubbles && \
 	$(BIN)/smarts-bench render "$$episodes"/bubbles/seed42_world0_episode00000 --at 10 \
 		--out docs/bubble.png --width 800

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from smarts.envision.compact_episode import compact_episode
+from smarts.envision.compact_episode import compact_episode, messages_of
 from smarts.sim.episode_files import RecordedEpisode
+from smarts.stream.container import framed
 from tests.compact_reading import CompactEpisode
 
 FOLDER = Path(__file__).parent / "data" / "envision"
@@ -49,7 +50,8 @@ def write(episode: Path, name: str) -> None:
 
 def write_part(episode: Path, name: str, end: float, policy: str) -> None:
     """Write an episode up to a time [s]."""
-    data = compact_episode(RecordedEpisode(episode), 0.0, end, policy=policy)
+    recorded = RecordedEpisode(episode)
+    data = b"".join(framed(messages_of(recorded, round(end / 0.1), policy)))
     (FOLDER / f"{name}.smarts").write_bytes(data)
 
 

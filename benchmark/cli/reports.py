@@ -39,17 +39,11 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to.", show_default="RESULTS/report")
     ] = None,
-    episodes: Annotated[
-        bool,
-        typer.Option(
-            "--episodes", help="Write pages of the best, the worst and failed test episodes, and link them."
-        ),
-    ] = False,
 ) -> None:
     """Write the report of an experiment (HTML, Markdown, CSV, LaTeX), finished or not."""
     from benchmark.report.writing import write_report
 
-    typer.echo(write_report(results, out, episodes=episodes))
+    typer.echo(write_report(results, out))
 
 
 def leaderboard(

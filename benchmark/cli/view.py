@@ -1,4 +1,4 @@
-"""`smarts-bench view`: episodes in a browser, as a page in one file, or as compact files."""
+"""`smarts-bench view`: episodes in a browser, or as a page in one file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
     from smarts.envision.episode_library import EpisodeLibrary
-    from smarts.envision.viewer_page import Embedded
 
 
 def view(
@@ -34,15 +33,6 @@ def view(
             help="Write a page with the episodes inside, which needs no server.", show_default=False
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write one episode as a compact file (.smarts).", show_default=False)
-    ] = None,
-    begin: Annotated[
-        float | None, typer.Option(help="First time of what is written (s).", show_default="the first step")
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option(help="Last time of what is written (s).", show_default="the last step")
-    ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Show simulations that run with SMARTS_ENVISION=host:port.")
     ] = False,
@@ -56,11 +46,10 @@ def view(
             place="view",
             remedy="name the folder of a run or of recorded episodes, or one episode, or give --live",
         )
-    if html is not None or out is not None:
-        check_effect("files of episodes", {"--live": live})
-        _write(paths or [], html, out, begin, end)
+    if html is not None:
+        check_effect("a page in a file", {"--live": live})
+        _write(paths or [], html)
         return
-    check_effect("what is served", {"--begin": begin, "--end": end}, "leave it out, or give --html or --out")
     from smarts.envision.episode_library import EpisodeLibrary
     from smarts.envision.server import ViewServer
 
@@ -82,33 +71,22 @@ def _has_browser() -> bool:
     return sys.platform != "linux" or any(os.environ.get(name) for name in names)
 
 
-def _write(
-    paths: list[Path], html: Path | None, out: Path | None, begin: float | None, end: float | None
-) -> None:
-    """Write episodes into files, and say how large these are."""
+def _write(paths: list[Path], html: Path) -> None:
+    """Write episodes into a page, and say how large it is."""
     from smarts.envision.episode_library import EpisodeLibrary
-    from smarts.envision.viewer_page import page_with
+    from smarts.envision.viewer_page import Embedded, page_with
     from smarts.whole_files import written_whole
 
-    if html is not None and out is None and begin is None and end is None:
-        library = EpisodeLibrary(paths)
-        if len(library.entries()) > len(paths):
-            _write_notable(library, html)
-            return
-    if out is not None and len(paths) > 1:
-        raise SmartsError(
-            f"{len(paths)} episodes for one file", place=str(out), remedy="name one episode, or use --html"
-        )
-    episodes = [_embedded(path, begin, end) for path in paths]
-    files: dict[Path, bytes] = {}
-    if out is not None:
-        files[out] = episodes[0].data
-    if html is not None:
-        files[html] = page_with(episodes).encode()
-    for path, content in files.items():
-        with written_whole(path) as partial:
-            partial.write_bytes(content)
-        typer.echo(f"{path}: {len(content) / 1e6:.2f} MB")
+    library = EpisodeLibrary(paths)
+    entries = library.entries()
+    if len(entries) > len(paths):
+        _write_notable(library, html)
+        return
+    shown = [(each, library.compact(each.id)) for each in entries]
+    content = page_with([Embedded(each.id, each.label, data) for each, data in shown if data]).encode()
+    with written_whole(html) as partial:
+        partial.write_bytes(content)
+    typer.echo(f"{html}: {len(content) / 1e6:.2f} MB")
 
 
 def _write_notable(library: EpisodeLibrary, html: Path) -> None:
@@ -120,23 +98,3 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
         typer.echo(f"{html}: {notable.label}")
     for entry, why in left_out:
         typer.echo(f"{entry.run}/{entry.label} is left out: {why}", err=True)
-
-
-def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
-    """Return one episode, or a part of it; a folder may hold it."""
-    from smarts.envision.episode_library import EpisodeLibrary, read_compact
-    from smarts.envision.viewer_page import Embedded
-
-    library = EpisodeLibrary([path])
-    entry, *others = library.entries()
-    if others:
-        names = ", ".join(f"{each.run}/{each.label}" for each in [entry, *others][:5])
-        raise SmartsError(
-            f"this folder has {1 + len(others)} episodes",
-            place=str(path),
-            remedy=f"name one of them: {names}{', ...' if len(others) > 4 else ''}",
-        )
-    place = library.path(entry.id) or path
-    if place.is_file():
-        check_effect(f"the compact file {place}", {"--begin": begin, "--end": end})
-    return Embedded(entry.id, entry.label, read_compact(place, begin, end))

@@ -1,4 +1,4 @@
-"""Recorded test episodes: three in a report's page, and beside it of each run all that are notable."""
+"""Recorded test episodes that a report's page plays."""
 
 from __future__ import annotations
 
@@ -8,64 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.experiment.runs import SCRIPTED
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
 from smarts.envision.episode_library import Entry, EpisodeLibrary
-from smarts.envision.notable_episodes import NO_FAILURE, Notable, embedded, notable_episodes, write_notable
+from smarts.envision.notable_episodes import NO_FAILURE, Notable, embedded, notable_episodes
 from smarts.envision.viewer_page import page_with
 from smarts.errors import SmartsError
 from smarts.sstudio.locating import VARIATION_MARK
-
-EPISODES = "episodes"
-"""Folder of the pages in a report's folder."""
-NOT_KEPT = "not kept: give the command of `run` again with `--set evaluation.keep_episodes=true`"
-
-
-@dataclass(frozen=True)
-class EpisodeLinks:
-    """The episodes of one run that a report links."""
-
-    names: tuple[str, str, str, str]
-    """Algorithm, task, traffic and seed, as the report shows them."""
-    links: tuple[tuple[str, str], ...]
-    """Text and address, relative to the report's folder."""
-    problem: str
-    """Reason why there are no links, or which are left out."""
-
-
-def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLinks]:
-    """Write the pages of all finished runs; return what links to them.
-
-    Args:
-        results: The results.
-        mode: Way of acting whose episodes are shown; scripted policies have one only.
-        folder: Folder of the report.
-    """
-    return [_of_run(run, results.root, mode, folder) for run in results.finished]
-
-
-def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
-    seed = "scripted" if run.is_scripted else str(run.seed)
-    names = algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
-    episodes = RunFolder(root / run.place).episodes
-    if not episodes.is_dir():
-        return EpisodeLinks(names, (), NOT_KEPT)
-    try:
-        return EpisodeLinks(names, *_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
-    except SmartsError as error:
-        return EpisodeLinks(names, (), error.problem)
-
-
-def _links(
-    episodes: Path, mode: str, folder: Path, run: RunResult
-) -> tuple[tuple[tuple[str, str], ...], str]:
-    """Return the links, and which episodes are left out."""
-    page_name = f"{run.place.replace('/', '-')}.html"
-    shown, left_out = write_notable(_tested(episodes, mode, run), folder / EPISODES / page_name)
-    links = tuple((notable.label, f"{EPISODES}/{page_name}#e={notable.entry.id}") for notable in shown)
-    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in left_out)
 
 
 def _tested(episodes: Path, mode: str, run: RunResult) -> EpisodeLibrary:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from itertools import groupby
 from typing import Any
@@ -16,7 +16,6 @@ from benchmark.report import (
     drawing,
     figures,
     front,
-    overview,
     paper,
     provenance,
     summary,
@@ -24,13 +23,13 @@ from benchmark.report import (
     wording,
 )
 from benchmark.report.content import Report
-from benchmark.report.episode_pages import EpisodeLinks, Replays
+from benchmark.report.episode_pages import Replays
 from benchmark.report.robustness import Robustness
 from benchmark.report.style import OUTCOME_COLOURS, PALETTE, thousands
 from benchmark.report.summary import Summaries
 from benchmark.report.values import MODES
 
-MODULES = (contrasts, drawing, figures, front, overview, paper, provenance, summary, tables, wording)
+MODULES = (contrasts, drawing, figures, front, paper, provenance, summary, tables, wording)
 """Modules of this package whose texts and tables the templates call by their names."""
 SHOWN_FIRST = ("completion", "collision")
 """Learning curves above the fold."""
@@ -121,7 +120,6 @@ def pictures(report: Report, summaries: Summaries) -> dict[str, str]:
 def report_page(
     report: Report,
     summaries: Summaries,
-    links: Sequence[EpisodeLinks],
     robustness: Robustness,
     replays: Replays,
 ) -> str:
@@ -130,7 +128,6 @@ def report_page(
     Args:
         report: What it says.
         summaries: Over its conditions.
-        links: Links to recorded test episodes.
         robustness: What was played beside the tests.
         replays: Test episodes that the page plays.
     """
@@ -153,7 +150,6 @@ def report_page(
         summaries=summaries,
         replays=replays,
         viewer=base64.b64encode(replays.page).decode(),
-        links=links,
         robustness=robustness,
         groups=_groups(report),
         tasks=[(name, paper.task_label(name)) for name in report.tasks],
@@ -173,7 +169,6 @@ def report_text(
     report: Report,
     summaries: Summaries,
     pictures: Iterable[str],
-    links: Sequence[EpisodeLinks],
     robustness: Robustness,
 ) -> str:
     """Return a report as Markdown; see `report_page`.
@@ -182,10 +177,9 @@ def report_text(
         report: What it says.
         summaries: Over its conditions.
         pictures: Names of the kinds of plots that lie beside it.
-        links: Links to recorded test episodes.
         robustness: What was played beside the tests.
     """
-    given = {"summaries": summaries, "pictures": {*pictures}, "links": links, "robustness": robustness}
+    given = {"summaries": summaries, "pictures": {*pictures}, "robustness": robustness}
     metrics = [METRICS[name] for name in report.metrics]
     template = _texts().get_template("report.md.j2")
     return template.render(**_modules(), **given, report=report, results=report.results, metrics=metrics)

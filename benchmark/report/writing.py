@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
-from benchmark.report.episode_pages import EPISODES, EpisodeLinks, Replays, replays, write_episodes
+from benchmark.report.episode_pages import Replays, replays
 from benchmark.report.figures import KINDS, PROFILE
 from benchmark.report.front import leader
 from benchmark.report.html import main_table, pictures, report_page, report_text
@@ -25,14 +24,12 @@ PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "dif
 MARL_EVAL, ROBUSTNESS, CONDITIONS = "marl_eval.json", "robustness.csv", "conditions.csv"
 
 
-def write_report(root: Path, out: Path | None = None, *, episodes: bool = False) -> Path:
+def write_report(root: Path, out: Path | None = None) -> Path:
     """Make an experiment's report from what is on disk; return its page.
 
     Args:
         root: The experiment's results.
         out: Folder of the report, by default `report` among the results.
-        episodes: Whether to write pages with recorded test episodes of all runs beside it, and link them;
-            so it is where an earlier report in the folder has them.
 
     Raises:
         ResultsError: There are no results, or the folder cannot be written to or holds something else.
@@ -44,31 +41,26 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
 
     def write(partial: Path) -> None:
         partial.mkdir(parents=True)
-        mode = report.modes[0]
-        links = write_episodes(results, mode, partial) if episodes or (folder / EPISODES).is_dir() else []
-        played = replays(results, mode, leader(report))
-        for name, content in report_files(report, links, played).items():
+        played = replays(results, report.modes[0], leader(report))
+        for name, content in report_files(report, played).items():
             (partial / name).write_bytes(content)
 
     replace_folder(folder, write)
     return folder / PAGE
 
 
-def report_files(
-    report: Report, links: Sequence[EpisodeLinks] = (), played: Replays | None = None
-) -> dict[str, bytes]:
+def report_files(report: Report, played: Replays | None = None) -> dict[str, bytes]:
     """Return name and content of the files of a report.
 
     Args:
         report: What it says.
-        links: Links to recorded test episodes.
         played: Test episodes that the page plays.
     """
     summaries, robustness = summaries_of(report), robustness_of(report)
     drawn = pictures(report, summaries)
     texts = {
-        PAGE: report_page(report, summaries, links, robustness, played or Replays()),
-        TEXT: report_text(report, summaries, drawn, links, robustness),
+        PAGE: report_page(report, summaries, robustness, played or Replays()),
+        TEXT: report_text(report, summaries, drawn, robustness),
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
@@ -141,8 +133,6 @@ def _check_free(folder: Path) -> None:
         ]
         if not ((folder / TEXT).is_file() or (folder / PAGE).is_file()):  # these names are of others
             known = []
-        elif all(each.suffix == ".html" for each in (folder / EPISODES).glob("*")):
-            known.append(EPISODES)
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:
             raise ResultsError(

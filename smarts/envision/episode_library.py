@@ -149,14 +149,14 @@ class EpisodeLibrary:
             return Entry(number, _label(path), _run(path, root), error=str(error.strerror or error))
 
 
-def read_compact(path: Path, begin: float | None = None, end: float | None = None) -> bytes:
-    """Return an episode as a compact episode, of a folder the part between two times.
+def read_compact(path: Path) -> bytes:
+    """Return an episode as a compact episode.
 
     Raises:
         SmartsError: It is damaged.
     """
     if path.is_dir():
-        return compact_episode(RecordedEpisode(path), begin, end, policy=policy_of_run(path))
+        return compact_episode(RecordedEpisode(path), policy=policy_of_run(path))
     read_static(path)
     return path.read_bytes()
 

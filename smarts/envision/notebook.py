@@ -16,19 +16,15 @@ class EpisodeFrame:
 
     Args:
         episode: Folder of a recorded episode, or a .smarts file.
-        begin: First time [s], of a folder only; None: the first.
-        end: Last time [s]; None: the last.
         height: Height of the frame [pixels].
 
     Raises:
         SmartsError: The episode is damaged.
     """
 
-    def __init__(
-        self, episode: str | Path, begin: float | None = None, end: float | None = None, *, height: int = 480
-    ) -> None:
+    def __init__(self, episode: str | Path, *, height: int = 480) -> None:
         path = Path(episode)
-        data = read_compact(path, begin, end)
+        data = read_compact(path)
         self._page, self._height = page_with([Embedded("1", path.name, data)]), height
 
     def _repr_html_(self) -> str:

@@ -1,6 +1,6 @@
 """Draws the pictures of the page that the documents show, and the film of the README.
 
-python -m tests.envision.screenshots FOLDER [COMPACT_EPISODE]
+python -m tests.envision.screenshots FOLDER [EPISODE]
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 import PIL.Image
 from playwright.sync_api import sync_playwright
 
+from smarts.envision.episode_library import read_compact
 from tests.envision.pages import CHROMIUM, FLAGS, episode, page_with
 
 DESKTOP, WIDE, PHONE = (1280, 800), (1280, 720), (390, 844)
@@ -114,4 +115,4 @@ def draw(folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
 if __name__ == "__main__":
     draw(Path(sys.argv[1]))
     for path in sys.argv[2:]:
-        film(Path(sys.argv[1]) / "driving.gif", Path(path).read_bytes())
+        film(Path(sys.argv[1]) / "driving.gif", read_compact(Path(path)))

@@ -32,7 +32,7 @@ def address(tmp_path) -> str:
     shown.append(Embedded("b2", "second", episode("keep_lane"), "worst"))
     replays = Replays((("best", "a1"), ("worst", "b2")), page_with(shown).encode())
     page = tmp_path / "report.html"
-    page.write_text(report_page(report, summaries_of(report), (), robustness_of(report), replays))
+    page.write_text(report_page(report, summaries_of(report), robustness_of(report), replays))
     return page.as_uri()
 
 

@@ -17,7 +17,6 @@ from benchmark.report.against_paper import compare_with
 from benchmark.report.content import make_report
 from benchmark.report.html import main_table, pictures, report_text
 from benchmark.report.marl_eval import marl_eval_json
-from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
 from benchmark.report.robustness import robustness_of
 from benchmark.report.summary import summaries_of
@@ -387,39 +386,6 @@ def test_the_page_says_what_is_missing(folder):
     assert "0123456789ab" in text
 
 
-def test_the_overview_has_a_line_for_each_algorithm_and_cell(tmp_path):
-    write_experiment(tmp_path, algorithms=["ppo", "dqn"], scripted=["gap_acceptance", "parked"])
-    held = [
-        agent_episodes(PERFECT[:2], mode="greedy", split="held_out", variation="dense"),
-        agent_episodes(MIXED, mode="greedy", split="held_out", variation="mirrored"),
-    ]
-    tested = [agent_episodes(PERFECT, mode="greedy"), agent_episodes(MIXED, mode="sampled")]
-    write_run(tmp_path, "ppo", [*tested, *held])
-    write_run(tmp_path, "dqn", [agent_episodes(HOPELESS, mode=mode) for mode in ("greedy", "sampled")])
-    rules = [["goal", "goal"]] * 11 + [["goal", "collision"]]
-    write_test(tmp_path, "gap_acceptance", rules)
-    write_test(tmp_path, "parked", HOPELESS)
-    report = report_of(tmp_path)
-    rows = [dict(zip(COLUMNS, row, strict=True)) for row in overview_rows(report)]
-    found = {row["algorithm"]: row for row in rows}
-    assert [*found] == ["DQN", "PPO", "gap_acceptance"]
-    ppo, dqn, driver = found["PPO"], found["DQN"], found["gap_acceptance"]
-    assert (ppo["greedy"], ppo["sampled"], ppo["greedy - sampled"]) == ("0.00 / 1.00", "0.25 / 0.75", "+0.25")
-    # One of 24 agents of the rule-based policy collides.
-    assert (ppo["- gap_acceptance"], dqn["- gap_acceptance"]) == ("-0.04 / +0.04", "+0.96 / -0.96")
-    assert ppo["worst held out"] == "0.25 / 0.75 mirrored"
-    assert (ppo["rank"], dqn["rank"], dqn["greedy - sampled"], dqn["worst held out"]) == (
-        "1",
-        "2",
-        "+0.00",
-        "",
-    )
-    assert driver == dict.fromkeys(driver, "") | {
-        **{name: driver[name] for name in ("task", "traffic", "algorithm")},
-        "greedy": "0.04 / 0.96",
-    }
-
-
 def test_differences_from_the_papers_tasks_are_the_table_of_the_documents():
     lines = [f"| {' | '.join(row)} |" for row in (TASK_DIFFERENCES, *task_differences())]
     lines.insert(1, "| :-- | :-- | :-- |")
@@ -446,7 +412,7 @@ def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
     report = report_of(tmp_path)
     assert not report.has_paper
     assert standing(report) == []
-    text = report_text(report, summaries_of(report), (), (), robustness_of(report))
+    text = report_text(report, summaries_of(report), (), robustness_of(report))
     assert "gainst the paper" not in text
     assert "the paper's figures" not in text
 

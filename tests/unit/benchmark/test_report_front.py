@@ -41,7 +41,7 @@ def trained(root, progress, name="ppo", outcomes=GOALS, **given):
 def texts(root, begin, end):
     """Return the texts between two tags of a report's page."""
     report = make_report(read_results(root))
-    page = report_page(report, summaries_of(report), (), robustness_of(report), Replays())
+    page = report_page(report, summaries_of(report), robustness_of(report), Replays())
     found = re.findall(f"{begin}(.*?){end}", page, re.DOTALL)
     return [" ".join(html.unescape(each).split()) for each in found]
 
@@ -160,7 +160,7 @@ def test_an_episode_that_cannot_be_shown_is_left_out_alone(tmp_path, monkeypatch
     played = episode_pages.replays(read_results(tmp_path), "greedy", "ppo")
     assert (played.episodes, played.left_out) == ((("best", "good"),), ("bad: damaged",))
     report = make_report(read_results(tmp_path))
-    page = report_page(report, summaries_of(report), (), robustness_of(report), played)
+    page = report_page(report, summaries_of(report), robustness_of(report), played)
     assert "Left out: bad: damaged." in page
 
 

@@ -66,7 +66,7 @@ class TestMarks:
         assert r"{\small 0.83 / 0.2$^{(\ast\ast)}$}" in sampled
 
     def test_the_colour_on_the_page_is_theirs(self, report):
-        page = report_page(report, Summaries({"completion": {}}), (), robustness_of(report), Replays())
+        page = report_page(report, Summaries({"completion": {}}), robustness_of(report), Replays())
         found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w -]*)</span>', page)
         assert set(found) == {
             ("0.1 / 0.07", "better", "better"),

@@ -56,15 +56,6 @@ def test_every_row_is_there_to_the_centimetre(recorded):
     np.testing.assert_array_equal(motion.flags[found] & OWNER_BITS, rows["owner"][order])
 
 
-def test_a_part_of_an_episode_has_what_lasts_from_before(recorded):
-    episode = CompactEpisode(compact_episode(recorded, 10.0, 15.0))
-    assert (episode.motion.step.min(), episode.motion.step.max()) == (100, 150)
-    assert episode.tables["signals"]["step"].tolist() == [5, 120]
-    assert episode.tables["agent_states"]["step"].min() == 100
-    assert episode.tables["decisions"]["step"].tolist() == [40]
-    assert (episode.motion.flags & COLLIDED).all()
-
-
 def test_the_bytes_of_a_vehicle_and_step():
     data = (FOLDER / "intersection.smarts").read_bytes()
     episode = CompactEpisode(data)
