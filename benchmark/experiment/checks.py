@@ -301,7 +301,6 @@ def check_environment(experiment: Experiment) -> Iterator[Fault]:
     yield from _tyres(environment)
     yield from _observed(environment)
     yield from _social(environment)
-    yield from _absent_agents(experiment)
     yield from _traffic_step(environment)
     yield from _training_traffic(environment)
     yield from _scenarios(experiment)
@@ -373,27 +372,6 @@ def _social(environment: Environment) -> Iterator[Fault]:
 
         key, bubbles = ("environment", "episode_time"), environment.learn_in_bubbles
         yield from errors_of(key, bubble_learning, bubbles, environment.episode_time)
-
-
-def _absent_agents(experiment: Experiment) -> Iterator[Fault]:
-    """Yield hosts of agents that are in no scenario, and that the environment does not add."""
-    environment = experiment.environment
-    named = [locator for locator in environment.hosts if locator != "*"]
-    if not named:
-        return
-    from smarts.env.casting import locators_of
-    from smarts.sstudio.build import read_scenario
-
-    known = [each.agent for each in environment.social_agents]
-    try:
-        for _, name, _ in _places(experiment):
-            known += locators_of(read_scenario(name))
-    except SmartsError:
-        return  # `_scenarios` tells it
-    for locator in named:
-        if locator not in known:
-            text = f"no agent of the experiment is {locator!r}"
-            yield Fault(("environment", "hosts", locator), text, nearest_names(locator, known))
 
 
 def _traffic_step(environment: Environment) -> Iterator[Fault]:

@@ -70,7 +70,6 @@ def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
     ("hosts", "count"),
     [
         ("{smarts.zoo:idm-v0: {deadline_ms: 20, delay_steps: 3}}", 1),
-        ("{mobil-v0: process}", 1),
         ("{smarts.zoo:idm-v0: {where: process, patience: 0, delay: 3}, mobil-v0: ray}", 2),
     ],
 )
