@@ -1,13 +1,41 @@
 """Reads compact episodes, apart from the page that shows them."""
 
+import struct
+
 import numpy as np
 
 from smarts.stream.arrays import unpacked_array, unpacked_runs
-from smarts.stream.container import messages_in
+from smarts.stream.container import MAGIC, unpack
 from smarts.stream.motion import Motion
-from smarts.stream.tables import columns_of, values_of
 
 VEHICLES = ("number", "slot", "generation", "name", "kind", "length", "width")
+
+
+def messages_in(data):
+    """Yield the messages of a compact episode."""
+    assert data[: len(MAGIC)] == MAGIC
+    at = len(MAGIC)
+    while at < len(data):
+        (length,) = struct.unpack_from("<I", data, at)
+        yield unpack(data[at + 4 : at + 4 + length])
+        at += 4 + length
+
+
+def columns_of(message):
+    """Return the columns of a message `table`: arrays, and lists of texts or of arrays."""
+    return {name: values_of(message["columns"], name) for name in message["columns"]}
+
+
+def values_of(columns, name):
+    """Return one of the columns of a message."""
+    column = columns[name]
+    if isinstance(column, list):
+        return column
+    values = unpacked_array(column)
+    if "o" not in column:
+        return values
+    offsets = unpacked_array(column["o"]).astype(np.int64)
+    return np.split(values, offsets[1:-1]) if len(offsets) > 1 else []
 
 
 def motion_of(message):
@@ -24,7 +52,7 @@ def motion_of(message):
 
 
 class CompactEpisode:
-    """The content of a compact episode; a file that was cut has what is before the cut."""
+    """The content of a compact episode."""
 
     def __init__(self, data):
         first, *messages = messages_in(data)

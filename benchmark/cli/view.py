@@ -23,7 +23,7 @@ def view(
         list[Path] | None,
         typer.Argument(
             metavar="RUN_OR_EPISODE...",
-            help="Folders of runs or of recorded episodes, single episodes, or .smarts files.",
+            help="Folders of runs or of recorded episodes, or single episodes.",
             show_default=False,
         ),
     ] = None,

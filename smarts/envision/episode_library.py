@@ -17,15 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from smarts.envision.compact_episode import POLICY, compact_episode
+from smarts.envision.compact_episode import compact_episode
 from smarts.errors import SmartsError
 from smarts.sim.episode_files import RecordedEpisode
-from smarts.stream.reading import read_static
 from smarts.types.episode_schema import EPISODE
 from smarts.types.events import Outcome
 
-SUFFIX = ".smarts"
-"""Suffix of files with one compact episode."""
 MOST_CACHED = 32
 """Compact episodes that are kept, the last ones that were asked for."""
 _ID_DIGITS = 12
@@ -66,13 +63,13 @@ class Entry:
 
 
 class EpisodeLibrary:
-    """Recorded and compact episodes below some folders.
+    """Recorded episodes below some folders.
 
     Ids depend on an episode's path alone, so that links stay valid until it is moved; no path ever comes from
     a caller.
 
     Args:
-        roots: Folders of runs or of episodes, single episodes, files of compact episodes.
+        roots: Folders of runs or of episodes, single episodes.
 
     Raises:
         SmartsError: A path does not exist, or has no episode.
@@ -86,7 +83,7 @@ class EpisodeLibrary:
                     "there is no recorded episode" if root.exists() else "there is no such file or folder",
                     place=str(root),
                     remedy="name a folder recorded with simulation=Options(record=FOLDER), a run's with "
-                    f"keep_episodes: true, one of the episodes, or a {SUFFIX} file",
+                    "keep_episodes: true, or one of the episodes",
                 )
         self._lock = threading.Lock()
         self._paths: dict[str, Path] = {}
@@ -141,12 +138,12 @@ class EpisodeLibrary:
             # What a damaged one lacks may be brought back.
             if entry is None or known != changed or entry.error:
                 if time.monotonic() >= until:
-                    return Entry(number, _label(path), _run(path, root), unread=True)
+                    return Entry(number, path.name, _run(path, root), unread=True)
                 entry = _entry_of(number, path, root)
                 self._entries[path] = changed, entry
             return entry
         except OSError as error:
-            return Entry(number, _label(path), _run(path, root), error=str(error.strerror or error))
+            return Entry(number, path.name, _run(path, root), error=str(error.strerror or error))
 
 
 def read_compact(path: Path) -> bytes:
@@ -155,10 +152,7 @@ def read_compact(path: Path) -> bytes:
     Raises:
         SmartsError: It is damaged.
     """
-    if path.is_dir():
-        return compact_episode(RecordedEpisode(path), policy=policy_of_run(path))
-    read_static(path)
-    return path.read_bytes()
+    return compact_episode(RecordedEpisode(path), policy=policy_of_run(path))
 
 
 def policy_of_run(episode: Path) -> str:
@@ -184,18 +178,13 @@ def outcomes_of(agents: Mapping[str, Any]) -> dict[str, int]:
 
 
 def _episodes_below(root: Path) -> Iterator[Path]:
-    """Yield episodes: folders that have the table `episode`, and files of compact episodes."""
-    if root.is_file() and root.suffix == SUFFIX:
-        yield root
+    """Yield episodes: folders that have the table `episode`."""
     for folder, inside, files in os.walk(root):
         if f"{EPISODE.name}.parquet" in files:
             inside.clear()
             yield Path(folder)
         # Names with a dot are of what is being written.
         inside[:] = (name for name in inside if not name.startswith("."))
-        for name in files:
-            if name.endswith(SUFFIX) and not name.startswith("."):
-                yield Path(folder, name)
 
 
 def _id(path: Path) -> str:
@@ -204,11 +193,7 @@ def _id(path: Path) -> str:
 
 def _changed(path: Path) -> int:
     """Return when an episode was changed last [ns]."""
-    return (path if path.is_file() else path / f"{EPISODE.name}.parquet").stat().st_mtime_ns
-
-
-def _label(path: Path) -> str:
-    return path.name.removesuffix(SUFFIX)
+    return (path / f"{EPISODE.name}.parquet").stat().st_mtime_ns
 
 
 def _run(path: Path, root: Path) -> str:
@@ -219,20 +204,17 @@ def _run(path: Path, root: Path) -> str:
 
 
 def _entry_of(number: str, path: Path, root: Path) -> Entry:
-    label, run = _label(path), _run(path, root)
+    label, run = path.name, _run(path, root)
     try:
-        if path.is_dir():
-            episode = RecordedEpisode(path)
-            episode.check_files()
-            facts, agents = episode.facts, episode.table("agents")
-        else:
-            facts, agents = read_static(path)
+        episode = RecordedEpisode(path)
+        episode.check_files()
+        facts, agents = episode.facts, episode.table("agents")
         is_ego = np.asarray(agents["interface"]) < 0
         return Entry(
             id=number,
             label=label,
             run=run,
-            policy=str(facts.get(POLICY) or policy_of_run(path)),
+            policy=policy_of_run(path),
             scenario=str(facts["scenario"]),
             traffic=str(facts["traffic"]),
             episode=int(facts["episode"]),

@@ -15,7 +15,7 @@ class EpisodeFrame:
     The page runs in a frame of its own, which can reach neither the notebook nor the network.
 
     Args:
-        episode: Folder of a recorded episode, or a .smarts file.
+        episode: Folder of a recorded episode.
         height: Height of the frame [pixels].
 
     Raises:

@@ -1,9 +1,9 @@
 """What a browser gets: episodes and running simulations as sequences of binary messages.
 
-A compact episode is the 8 bytes `SMARTSEP`, then messages, each behind its length (uint32, little-endian, at
-most 8 MB). A message is a msgpack map with the key `type`; readers ignore types and keys that they do not
-know. Arrays are as in `smarts.stream.arrays`. Texts are lists. A column of lists has `o`: offsets of its
-rows, one more than rows.
+A compact episode, as pages hold it, is the 8 bytes `SMARTSEP`, then messages, each behind its length (uint32,
+little-endian, at most 8 MB). A message is a msgpack map with the key `type`; readers ignore types and keys
+that they do not know. Arrays are as in `smarts.stream.arrays`. Texts are lists. A column of lists has `o`:
+offsets of its rows, one more than rows.
 
 - `episode`: `version` 1; `facts`: the row of the table `episode`, and `policy`, what drove the egos ("" if
   unknown); `names`: of enumerations, `{"Owner": {"0": ...}}`; `origin` [x, y], subtracted from positions in

@@ -13,7 +13,6 @@ from typing import Any
 import msgpack
 
 from smarts.errors import RecordError
-from smarts.stream.arrays import damaged
 
 VERSION = 1
 """Version of the format of messages."""
@@ -50,14 +49,18 @@ def unpack(packed: bytes) -> dict[str, Any]:
         RecordError: The bytes are no message.
     """
     if len(packed) > MOST_BYTES:
-        raise damaged(f"a message of {len(packed)} bytes")
+        raise _damaged(f"it has {len(packed)} bytes")
     try:
         message = msgpack.unpackb(packed)
     except (ValueError, TypeError, RecursionError, msgpack.exceptions.UnpackException) as error:
-        raise damaged(f"no msgpack: {error}") from error
+        raise _damaged(f"no msgpack: {error}") from error
     if not isinstance(message, dict) or not isinstance(message.get("type"), str):
-        raise damaged("a message without type")
+        raise _damaged("it has no type")
     return message
+
+
+def _damaged(problem: str) -> RecordError:
+    return RecordError(f"no message: {problem}", place="the stream", remedy="use one version on both sides")
 
 
 def framed(messages: Iterable[Message]) -> Iterator[bytes]:
@@ -66,23 +69,3 @@ def framed(messages: Iterable[Message]) -> Iterator[bytes]:
     for message in messages:
         packed = pack(message)
         yield _LENGTH.pack(len(packed)) + packed
-
-
-def messages_in(data: bytes) -> Iterator[dict[str, Any]]:
-    """Yield the whole messages of a compact episode; a file that is cut ends with the last whole one.
-
-    Raises:
-        RecordError: The bytes are no compact episode, or a message is damaged.
-    """
-    if data[: len(MAGIC)] != MAGIC:
-        raise damaged(f"the first bytes are {data[:8]!r}, not {MAGIC!r}")
-    at = len(MAGIC)
-    while at + _LENGTH.size <= len(data):
-        (length,) = _LENGTH.unpack_from(data, at)
-        if length > MOST_BYTES:
-            raise damaged(f"a message of {length} bytes at byte {at}")
-        at += _LENGTH.size
-        if at + length > len(data):
-            return
-        yield unpack(data[at : at + length])
-        at += length

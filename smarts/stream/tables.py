@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.stream.arrays import damaged, packed_array, unpacked_array
-from smarts.stream.container import VERSION, Message
+from smarts.stream.arrays import packed_array
+from smarts.stream.container import VERSION
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.episode_schema import (
@@ -129,33 +129,6 @@ def columns_message(kind: str, columns: Columns) -> dict[str, Any]:
     return {"type": kind, **{name: _column(each) for name, each in arrays.items()}}
 
 
-def columns_of(message: Message) -> dict[str, Any]:
-    """Return the columns of a message `table`: arrays, and lists of texts or of arrays.
-
-    Raises:
-        RecordError: It is damaged.
-    """
-    named = message.get("columns")
-    if not isinstance(named, dict):
-        raise damaged("a table without columns")
-    columns = {str(name): values_of(named, name) for name in named}
-    if len({len(each) for each in columns.values()}) > 1:
-        raise damaged("a table whose columns have different lengths")
-    return columns
-
-
-def values_of(columns: Message, name: str) -> Any:
-    """Return one of the columns of a message.
-
-    Raises:
-        RecordError: It is missing or damaged.
-    """
-    try:
-        return _values(columns[name])
-    except (KeyError, TypeError, AttributeError, IndexError, ValueError) as error:
-        raise damaged(f"the column {name}: {error}") from error
-
-
 def _parts(rows: int, columns: Columns) -> list[tuple[int, int]]:
     """Return the first row and the row behind the last one of each message."""
     size = np.zeros(rows, np.int64)
@@ -187,18 +160,6 @@ def _column(values: Any) -> Any:
         return values
     offsets = np.cumsum([0, *map(len, values)]).astype(np.uint32)
     return packed_array(np.concatenate(values)) | {"o": packed_array(offsets)}
-
-
-def _values(column: Any) -> Any:
-    if isinstance(column, list):
-        return [str(each) for each in column]
-    values = unpacked_array(column)
-    if "o" not in column:
-        return values
-    offsets = unpacked_array(column["o"]).astype(np.int64)
-    if len(offsets) < 1 or offsets[0] != 0 or offsets[-1] != len(values) or (np.diff(offsets) < 0).any():
-        raise ValueError("lists with wrong offsets")
-    return np.split(values, offsets[1:-1]) if len(offsets) > 1 else []
 
 
 def _plain(value: Any) -> Any:

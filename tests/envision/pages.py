@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from smarts.stream.container import framed, messages_in
+from smarts.stream.container import framed
+from tests.compact_reading import messages_in
 
 CHROMIUM = "chromium"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -16,9 +16,9 @@ from smarts.envision import server as server_module
 from smarts.envision.viewers import MOST_REQUEST, Request
 from smarts.stream.container import pack, unpack
 from smarts.stream.road_map import map_message, origin_of
-from smarts.stream.tables import LIVE, OUTCOMES, columns_of, values_of
+from smarts.stream.tables import LIVE, OUTCOMES
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
-from tests.compact_reading import motion_of
+from tests.compact_reading import columns_of, motion_of, values_of
 from tests.maps import straight
 from tests.viewers import publisher, serving, viewer
 

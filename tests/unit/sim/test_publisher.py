@@ -17,9 +17,8 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sim.options import ENVISION, Options
 from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS
-from smarts.stream.tables import columns_of
 from smarts.types.vehicles import Owner
-from tests.compact_reading import motion_of
+from tests.compact_reading import columns_of, motion_of
 from tests.viewers import serving, viewer
 
 KEEP = [np.zeros((2, 4), np.int64)]

@@ -8,7 +8,8 @@ from smarts.stream.container import pack, unpack
 from smarts.stream.encoder import turn_indicators
 from smarts.stream.motion import LEFT, RIGHT
 from smarts.stream.road_map import map_message
-from smarts.stream.tables import STEPPED, columns_of, table_messages
+from smarts.stream.tables import STEPPED, table_messages
+from tests.compact_reading import columns_of
 from tests.maps import crossing
 
 (OBSERVATIONS,) = (table for table in STEPPED if table.name == "observations")

@@ -43,7 +43,6 @@ export class App {
   private readonly timeline: Timeline;
   private readonly list = new List(
     (ids, isCompared) => this.session.choose(ids, isCompared),
-    (files) => void this.openFiles(files),
   );
   private readonly header: Header;
   private readonly legend = new Legend();
@@ -157,15 +156,6 @@ export class App {
     if (view.isUnseen) return;
     view.rig.fit(view.region(), false);
     if (this.mode === "free") view.rig.tip();
-  }
-
-  private async openFiles(files: File[]): Promise<void> {
-    try {
-      await this.session.openFiles(files);
-      this.list.element.close();
-    } catch (error) {
-      this.toast.say(`${files.map((file) => file.name).join(", ")} cannot be opened: ${reason(error)}`);
-    }
   }
 
   private restore(place: Place): void {
@@ -286,12 +276,6 @@ export class App {
       const place = parseLink(location.hash);
       const open = this.views.map((view) => view.id);
       void this.session.open(place.episodes.length ? place.episodes : open, place).then(() => this.nameOpen());
-    });
-    this.element.addEventListener("dragover", (event) => event.preventDefault());
-    this.element.addEventListener("drop", (event) => {
-      event.preventDefault();
-      const files = [...(event.dataTransfer?.files ?? [])];
-      if (files.length) void this.openFiles(files);
     });
     this.list.element.addEventListener("toggle", () => {
       if (this.list.element.open) void this.session.listAgain();

@@ -1,7 +1,7 @@
 /** Where recordings come from: the page itself, the server it came from, or a file that the user drops. */
 
 import { agentsOf, startsOf } from "./agents";
-import { isEpisode, readContainer } from "./container";
+import { readContainer } from "./container";
 import { Recording } from "./episode";
 import { FormatError } from "./msgpack";
 
@@ -42,8 +42,6 @@ export interface Library {
   /** Whether the list comes from a server, and may grow. */
   isServed: boolean;
 }
-
-const LARGEST_FILE = 512 << 20;
 
 const text = (value: unknown): string =>
   typeof value === "string" ? value : value === undefined || value === null ? "" : String(value);
@@ -212,17 +210,6 @@ export async function listEpisodes(): Promise<Entry[]> {
 }
 
 /** Opens files that the user chose. */
-export async function fromFiles(files: readonly File[]): Promise<Library> {
-  const read = async (file: File) => {
-    const head = new Uint8Array(await file.slice(0, 8).arrayBuffer());
-    if (!isEpisode(head)) throw new FormatError("this is not a compact episode");
-    if (file.size > LARGEST_FILE)
-      throw new FormatError(`it has ${file.size >> 20} MB; the page opens ${LARGEST_FILE >> 20} MB at most`);
-    return new Uint8Array(await file.arrayBuffer());
-  };
-  return together(files.map((file, i) => ({ id: String(i), label: file.name, read: () => read(file) })));
-}
-
 export async function findLibrary(): Promise<Library> {
   const inside = await embedded();
   if (inside) return inside;

@@ -51,7 +51,6 @@ export class List {
 
   constructor(
     private readonly onOpen: (ids: string[], isCompared: boolean) => void,
-    onFile: (files: File[]) => void,
   ) {
     this.filter = h("input", {
       type: "search",
@@ -70,13 +69,6 @@ export class List {
         ),
       ),
     );
-    const file = h("input", {
-      type: "file",
-      accept: ".smarts",
-      multiple: true,
-      hidden: true,
-      onChange: () => onFile([...(file.files ?? [])]),
-    });
     this.element = h(
       "dialog",
       { class: "list", "aria-label": "episodes" },
@@ -85,8 +77,6 @@ export class List {
         {},
         h("h2", {}, "Episodes"),
         this.filter,
-        h("button", { type: "button", class: "text-button", onClick: () => file.click() }, "open a file"),
-        file,
         iconButton("close", "Close", () => this.element.close(), "esc"),
       ),
       h("div", { class: "table", role: "table", "aria-label": "episodes" }, this.heads, this.body),
@@ -155,7 +145,7 @@ export class List {
     const rest = unread ? `, ${unread} of them not read yet` : "";
     const text = this.entries.length
       ? `${first}${shown.length} of ${this.entries.length}${rest}; up to ${MOST} side by side with +`
-      : "No episodes. Open a .smarts file, or drop one here.";
+      : "No episodes.";
     this.note.textContent = this.hidden ? `${text}. ${this.hidden} more simulations run and are not shown.` : text;
   }
 

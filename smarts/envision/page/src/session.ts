@@ -1,6 +1,6 @@
 /** What is open: recordings and simulations that run, as views with their clocks. */
 
-import { type Entry, findLibrary, fromFiles, type Library, listEpisodes, NOTHING } from "./library";
+import { type Entry, findLibrary, type Library, listEpisodes, NOTHING } from "./library";
 import type { Place } from "./link";
 import { LiveFeed } from "./livefeed";
 import type { LiveState } from "./live";
@@ -225,19 +225,6 @@ export class Session {
     old.dispose();
     this.views[index] = fresh;
     this.actions.arranged(new Map(this.views.map((view) => [view.id, view])));
-  }
-
-  async openFiles(files: readonly File[]): Promise<void> {
-    const library = await fromFiles(files);
-    for (const { label, error } of library.entries)
-      if (error) this.actions.say(`${label} cannot be opened: ${error}`);
-    const good = library.entries.filter((entry) => !entry.error);
-    if (!good.length) return;
-    this.isAutomatic = false;
-    this.library = library;
-    for (const view of this.views) view.dispose();
-    this.views.length = 0;
-    await this.open(good.map((entry) => entry.id));
   }
 
   /** Goes to what is newest. */
