@@ -14,6 +14,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.rllib.policy.policy import PolicySpec
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.setting_kinds import faults
@@ -56,6 +57,12 @@ USUAL_NAMES = {
     "buffer_size": "capacity",
 }
 """Our names of settings by what they are called elsewhere."""
+_READ_IN_EVALUATION = """
+    explore env env_config num_envs_per_env_runner num_cpus_per_env_runner num_gpus_per_env_runner
+    custom_resources_per_env_runner max_env_failures torch_threads evaluate_sampled seed log_level
+"""
+READ_IN_EVALUATION = frozenset(_READ_IN_EVALUATION.split())
+"""Settings that may be others in evaluation; those of how an algorithm explores come to these."""
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
 
@@ -129,7 +136,8 @@ def check_settings(config: Any) -> None:
         if isinstance(value := getattr(config, name), np.generic):  # which RLlib's schedules do not take
             setattr(config, name, value.item())
     values = {name: getattr(config, name) for name in _Values.model_fields}
-    for each in chain(_without_effect(config, fresh), faults(_Values, values), _learner_faults(config)):
+    found = (_without_effect(config, fresh), faults(_Values, values), _evaluation_faults(config, fresh))
+    for each in chain(*found, _policy_faults(config), _learner_faults(config)):
         config._value_error(str(each))
 
 
@@ -142,6 +150,32 @@ def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
             shown = f"{name.lstrip('_')}={reprlib.repr(value)}"
             own = f"the algorithm's own are listed by `smarts-bench settings {config.algorithm}`"
             yield f"{shown} has no effect on {config.algorithm!r}: leave it out; {own}"
+
+
+def _evaluation_faults(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
+    """Yield settings of `evaluation_config` that evaluation does not read."""
+    readable = fresh.keys() & {*READ_IN_EVALUATION, config.explores_by, f"{config.explores_by}_steps"}
+    for given, value in (config.evaluation_config or {}).items():
+        name = config._translate_special_keys(given, warn_deprecated=False)
+        check_known(config, [name], fresh, "evaluation(evaluation_config=...)")
+        if name not in readable and not name.startswith("_") and value != getattr(config, name):
+            yield (
+                f"evaluation_config: {name}={value!r} has no effect: evaluation plays with the trained "
+                f"networks, and reads {', '.join(sorted(readable))}"
+            )
+
+
+def _policy_faults(config: Any) -> Iterator[str]:
+    """Yield settings that single policies or networks do not have."""
+    for name, spec in config.policies.items() if isinstance(config.policies, dict) else ():
+        if isinstance(spec, PolicySpec) and any(vars(spec).values()):
+            yield f"policies[{name!r}] has settings of its own: use training(), for all policies"
+    for module_id, changes in config.algorithm_config_overrides_per_module.items():
+        for name in changes.keys() - {"lr"}:
+            yield (
+                f"algorithm_config_overrides_per_module of {module_id!r}: {name!r} has no effect, networks "
+                "have learning rates of their own only, 'lr'"
+            )
 
 
 def _learner_faults(config: Any) -> Iterator[str]:

@@ -39,6 +39,8 @@ def test_the_list_names_what_rllib_has():
     [
         ("training", {"train_batch_size": 4000}, r"train_batch_size=4000.*smarts-bench settings ppo"),
         ("env_runners", {"num_env_runners": -1}, "num_env_runners=-1"),
+        ("evaluation", {"evaluation_config": {"lr": 1e-9}}, "lr=1e-09"),
+        ("rl_module", {"algorithm_config_overrides_per_module": {"agent_0": {"gamma": 0.5}}}, "'gamma'"),
     ],
 )
 def test_settings_without_effect_or_out_of_range_are_errors(method, given, named):
@@ -134,7 +136,7 @@ def test_gradients_are_clipped_as_asked(way, expected):
 
 
 @pytest.mark.usefixtures("cluster")
-def test_a_networks_own_learning_rate_counts(build):
+def test_a_networks_own_learning_rate_counts_and_other_overrides_are_errors(build):
     config = small(lr=1e-3).rl_module(algorithm_config_overrides_per_module={"agent_0": {"lr": 0.0}})
     algo = build(config)
     before = weights_of(algo)
