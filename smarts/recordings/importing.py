@@ -17,8 +17,8 @@ from smarts.whole_files import written_whole
 
 LEAST_ON_LANES = 0.9
 """With a smaller share of its positions on lanes, a recording is not of the map."""
-LEAST_ON_CUT_MAP = 0.25
-"""The same for maps of Argoverse, which end before their vehicles do, and have no parking places."""
+LEAST_ON_CUT_MAP: dict[MapKind, float] = {"argoverse": 0.25, "waymo": 0.0}
+"""The same for maps that end before vehicles do, and have no car parks; Waymo's are in the same file."""
 NET, REPORT, SCRIPT = "map.net.xml", "import.txt", "scenario.py"
 _MARKS: dict[MapKind, re.Pattern[bytes]] = {
     "commonroad": re.compile(rb"<commonRoad\b"),
@@ -80,8 +80,9 @@ def import_recording(
         notes = compile_map(map_source, folder / NET) if map_source else MapNotes()
         roads = read_net(folder / NET) if map_source else None
         report = check(tracks, roads)
-        is_cut = map_source is not None and map_source.kind == "argoverse"
-        if report.on_lanes is not None and report.on_lanes < (LEAST_ON_CUT_MAP if is_cut else LEAST_ON_LANES):
+        is_cut = map_source is not None and map_source.kind in LEAST_ON_CUT_MAP
+        least = LEAST_ON_CUT_MAP.get(map_source.kind, LEAST_ON_LANES) if map_source else 0.0
+        if report.on_lanes is not None and report.on_lanes < least:
             raise RecordingError(
                 f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
                 place=str(source.path),
@@ -122,6 +123,8 @@ def _write(folder: Path, tracks: Tracks, lines: list[str], *, is_scenario: bool)
 
 def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | None:
     """Return the map that was named, else the recording's own file where it holds one, else None."""
+    if map_file is None and format == "Waymo":
+        return find_map_source(path.absolute().parent, path.name)
     if map_file is None:
         if format == "Argoverse":
             path = next(path.glob("scenario_*.parquet"), path)

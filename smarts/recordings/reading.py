@@ -35,6 +35,7 @@ READERS = Registry(
         "SMARTS": "smarts.recordings.readers.episode:read",
         "INTERACTION": "smarts.recordings.readers.interaction:read",
         "Argoverse": "smarts.recordings.readers.argoverse:read",
+        "Waymo": "smarts.recordings.readers.waymo:read",
     },
 )
 _BY_ENDING = {".shf": "SHF", ".txt": "NGSIM", ".csv": "INTERACTION", ".parquet": "Argoverse"}
@@ -58,7 +59,7 @@ class Source:
     """A recording on disk."""
 
     path: Path
-    """Its file, or the folder of an episode."""
+    """Its file, FILE#ID of one of Waymo's scenarios, or the folder of an episode."""
     headings: HeadingRule = field(default_factory=HeadingRule)
     """How headings follow from positions, in formats without headings."""
 
@@ -111,9 +112,11 @@ def guess_format(path: Path) -> str:
     Raises:
         RecordingError: It has none of the known ones, or is not there.
     """
-    if not path.exists():
+    file = path.with_name(path.name.partition("#")[0])
+    if not path.exists() and not file.exists():
         raise RecordingError("there is no such file or folder", place=str(path))
     found = "SMARTS" if (path / "vehicles.parquet").is_file() else _BY_ENDING.get(path.suffix.lower(), "")
+    found = "Waymo" if ".tfrecord" in file.name else found
     if path.suffix == ".xml":
         with suppress(ParseError):
             _, root = next(iter(iterparse(path, ("start",))))

@@ -146,7 +146,8 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
     if source.kind == "osm":
         prepared["type-files"] = str(write_road_types(sumo_folder(), work))
     if source.kind in LANELET_MAPS:
-        for part, text in plain_xml(read_lanelets(source.kind, source.files[0])).items():
+        file = source.files[0].with_name(source.files[0].name + source.part)
+        for part, text in plain_xml(read_lanelets(source.kind, file)).items():
             (work / f"map.{part}.xml").write_text(text, encoding="utf-8")
             prepared[_INPUT_OPTIONS[f".{part}.xml"]] = str(work / f"map.{part}.xml")
     return prepared

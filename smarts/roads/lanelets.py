@@ -28,6 +28,7 @@ LANELET_MAPS = Registry(
         "commonroad": "smarts.roads.lanelet_readers.commonroad:read",
         "lanelet2": "smarts.roads.lanelet_readers.lanelet2:read",
         "argoverse": "smarts.roads.lanelet_readers.argoverse:read",
+        "waymo": "smarts.roads.lanelet_readers.waymo:read",
     },
 )
 """Kind of a map's source -> its reader."""

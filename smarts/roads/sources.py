@@ -10,7 +10,15 @@ from typing import Literal, get_args
 from smarts.errors import MapError
 
 MapKind = Literal[
-    "sumo_net", "sumo_plain", "netgenerate", "opendrive", "lanelet2", "osm", "commonroad", "argoverse"
+    "sumo_net",
+    "sumo_plain",
+    "netgenerate",
+    "opendrive",
+    "lanelet2",
+    "osm",
+    "commonroad",
+    "argoverse",
+    "waymo",
 ]
 
 MAP_STEM = "map"
@@ -29,6 +37,7 @@ _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
     "osm": ((".osm",), (".osm.xml",)),
     "commonroad": ((".cr.xml",),),
     "argoverse": ((".argoverse.json",), (".json",)),
+    "waymo": (),
 }
 _PLAIN_EXTRAS = (".con.xml", ".typ.xml", ".tll.xml")
 _OPTIONS = ".netccfg"
@@ -41,6 +50,8 @@ class MapSource:
     kind: MapKind
     files: tuple[Path, ...]
     """Everything that the compiled map depends on, the principal file first: hash these."""
+    part: str = ""
+    """What of the file is the map, "#" and a scenario of Waymo."""
 
     @property
     def options(self) -> Path | None:
@@ -54,7 +65,8 @@ def find_map_source(directory: Path, source: str | None = None) -> MapSource:
     Args:
         directory: The scenario's folder.
         source: None for the files named "map.*". Otherwise a file, a folder (whose "map.*", or only map, is
-            taken), or a stem such as "three_lanes"; relative to `directory` or absolute.
+            taken), a scenario of Waymo, FILE#ID, or a stem such as "three_lanes"; relative to `directory` or
+            absolute.
 
     Where one stem has files of several kinds, a compiled `.net.xml` wins, then `.nod.xml` with `.edg.xml`,
     `.netgcfg`, `.xodr`, `.osm`.
@@ -65,6 +77,9 @@ def find_map_source(directory: Path, source: str | None = None) -> MapSource:
     if source is None:
         return _from_stem(directory, MAP_STEM)
     path = directory / source
+    name, mark, part = path.name.partition("#")
+    if ".tfrecord" in name and path.with_name(name).is_file():
+        return MapSource("waymo", (path.with_name(name),), mark + part)
     if path.is_file():
         return _from_file(path)
     if path.is_dir():

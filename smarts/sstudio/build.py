@@ -257,7 +257,8 @@ def _build_on(
 ) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
     map_key = digest(
-        [source.kind, [(file.name, file_hash(file)) for file in source.files], _toolchain()], size=8
+        [source.kind + source.part, [(file.name, file_hash(file)) for file in source.files], _toolchain()],
+        size=8,
     )
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.

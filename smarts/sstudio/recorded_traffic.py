@@ -30,8 +30,6 @@ WITHOUT_ROUTES = {"routes": [], "additional": [], "warm_up": 0.0, "options": {},
 """What the manifest holds of traffic for which SUMO has no files."""
 BEFORE_IT_LEAVES = 1.0
 """Episodes begin at least so long before a vehicle that an agent takes over leaves [s]."""
-HISTORY_SOURCES = (*READERS, "Waymo")
-"""Formats of traffic histories; Waymo, which SMARTS 2 has, is not read."""
 
 
 def with_histories(scenario: Scenario, checks: Checks) -> Scenario:
@@ -44,12 +42,10 @@ def with_histories(scenario: Scenario, checks: Checks) -> Scenario:
     """
     traffic, placeholders = dict(scenario.traffic or {}), []
     for where, history in checks.each(scenario.traffic_histories, TrafficHistoryDataset, "traffic_histories"):
-        checks.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")
+        checks.choice(history.source_type, tuple(READERS), f"{where}.source_type")
         if history.input_path is None:
             placeholders.append(history)
             continue
-        problem, remedy = f"recordings of {history.source_type} cannot be read yet", "leave it out"
-        checks.require(history.source_type in READERS, f"{where}.source_type", problem, remedy)
         problem = f"there is another traffic {history.name!r}"
         checks.require(history.name not in traffic, f"{where}.name", problem, "give it another name")
         recording = Recording(history.input_path, "log", history=replace(history, input_path=None))
@@ -160,10 +156,12 @@ def _tracks_of(history: TrafficHistoryDataset, file: Path, roads: LaneGraph) -> 
         history.y_margin_px / scale,
         float(most[1]) if history.flip_y else None,
     )
+    if history.scenario_id is not None:
+        file = file.with_name(f"{file.name}#{history.scenario_id}")
     tracks = transformed(read(Source(file, rule), history.source_type), transform)
     xy = np.column_stack([tracks.x, tracks.y])
     inside = ((xy >= least) & (xy <= most)).all(axis=1) | (not history.filter_off_map)
-    if history.source_type == "Argoverse":  # whose maps end before the vehicles do
+    if history.source_type in ("Argoverse", "Waymo"):  # whose maps end before the vehicles do
         inside &= on_lanes(tracks, roads)
     tracks = tracks.of_samples(inside)
     is_traffic = check(tracks, roads).is_traffic

@@ -15,7 +15,7 @@ class TrafficHistoryDataset(Described):
     name: str
     """A name, unique in the scenario."""
     source_type: str
-    """The format: "CommonRoad", "SHF", "NGSIM", "FCD", "INTERACTION", "Argoverse" or "SMARTS"."""
+    """The format: "CommonRoad", "SHF", "NGSIM", "FCD", "INTERACTION", "Argoverse", "Waymo" or "SMARTS"."""
     input_path: str | None = None
     """The data's path; without it the data set is a placeholder that nothing is read from."""
     scenario_id: str | None = None

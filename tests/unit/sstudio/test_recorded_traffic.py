@@ -263,7 +263,6 @@ def test_bad_traffic_histories_are_named(tmp_path):
     for number, (entry, problem) in enumerate(
         (
             (history(source_type="NGSMI"), "'NGSMI'"),
-            (history(source_type="Waymo"), "recordings of Waymo cannot be read yet"),
             (history(input_path="nowhere.xml"), "nowhere.xml"),
             ("'i80.yaml'", "TrafficHistoryDataset"),
         )
