@@ -48,9 +48,6 @@ def render(
             max=10**9,
         ),
     ] = None,
-    speed: Annotated[
-        float | None, typer.Option(help="Playback speed.", min=0.01, max=1000.0, show_default="1.0")
-    ] = None,
     width: Annotated[int, typer.Option(help="Image width (pixels).", min=100, max=4000)] = 900,
 ) -> None:
     """Draw a recorded episode from above, as image or animation."""
@@ -59,11 +56,10 @@ def render(
 
     check_format(out)
     is_still = out.suffix.lower() in STILL
-    film = {"--begin": begin, "--end": end, "--every": every, "--speed": speed}
+    film = {"--begin": begin, "--end": end, "--every": every}
     check_effect(f"a {out.suffix}", {"--at": at} if not is_still else film)
-    speed = 1.0 if speed is None else speed
     picture = EpisodePicture(_open(episode), pixels=width)
-    every = max(1, round(speed / (PICTURES_PER_SECOND * picture.dt))) if every is None else every
+    every = max(1, round(1 / (PICTURES_PER_SECOND * picture.dt))) if every is None else every
     if is_still:
         last = picture.steps if at is None else _step_at(at, picture.dt, picture.steps, "--at")
         write_still(picture.image(last), out)
@@ -77,12 +73,12 @@ def render(
             f"nothing lies between {begin:g} s and {last * picture.dt:g} s", place="--begin, --end"
         )
     shortest = SHORTEST_SHOWN[out.suffix.lower()]
-    fewest = math.ceil(speed * shortest / picture.dt - 1e-9)
+    fewest = math.ceil(shortest / picture.dt - 1e-9)
     if every < fewest:
         typer.echo(f"--every is {fewest}, so that a frame lasts {1000 * shortest:.3g} ms", err=True)
         every = fewest
     steps = [*range(first, last, every), last]
-    seconds = every * picture.dt / speed
+    seconds = every * picture.dt
     # The last frame stays, since it shows the outcomes.
     held = [last] * round(END_SHOWN / seconds)
     frames = write_moving(map(picture.image, [*steps, *held]), out, seconds)

@@ -92,13 +92,13 @@ def run(*arguments):
 
 def test_a_gif(episode, tmp_path):
     out = tmp_path / "new" / "film.gif"
-    result = run(episode.folder, "--out", out, "--every", 4, "--begin", 0.2, "--speed", 2)
+    result = run(episode.folder, "--out", out, "--every", 4, "--begin", 0.2)
     assert result.exit_code == 0, result.output
     with PIL.Image.open(out) as film:
         # Steps 2, 6, 10, 14, 18 and the last, which stays.
         assert film.n_frames == 6
         shown = [film.info["duration"] for frame in range(6) if film.seek(frame) is None]
-        assert shown == [200] * 5 + [2200]
+        assert shown == [400] * 5 + [2400]
         assert film.info["loop"] == 0
         assert film.size[0] == 900
     assert "film.gif: 6 frames, 0.2 to 2.0 s" in result.output
