@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,7 +50,7 @@ def render(
     width: Annotated[int, typer.Option(help="Image width (pixels).", min=100, max=4000)] = 900,
 ) -> None:
     """Draw a recorded episode from above, as image or animation."""
-    from smarts.envision.animation import SHORTEST_SHOWN, STILL, check_format, write_moving, write_still
+    from smarts.envision.animation import STILL, check_format, write_moving, write_still
     from smarts.envision.episode_picture import EpisodePicture
 
     check_format(out)
@@ -72,11 +71,6 @@ def render(
         raise SmartsError(
             f"nothing lies between {begin:g} s and {last * picture.dt:g} s", place="--begin, --end"
         )
-    shortest = SHORTEST_SHOWN[out.suffix.lower()]
-    fewest = math.ceil(shortest / picture.dt - 1e-9)
-    if every < fewest:
-        typer.echo(f"--every is {fewest}, so that a frame lasts {1000 * shortest:.3g} ms", err=True)
-        every = fewest
     steps = [*range(first, last, every), last]
     seconds = every * picture.dt
     # The last frame stays, since it shows the outcomes.

@@ -21,10 +21,8 @@ Image = NDArray[np.uint8]
 
 MOVING = (".gif", ".mp4")
 STILL = (".png",)
-SHORTEST_SHOWN = {".gif": 0.02, ".mp4": 1 / 60}
-"""Minimum duration of a frame [s]: players slow down shorter ones of a .gif."""
-LONGEST_SHOWN = 600.0
-"""Maximum duration of a frame [s]; the .gif format allows 655 s."""
+SHORTEST_SHOWN = 0.02
+"""Minimum duration of a frame of a .gif [s]: players slow down shorter ones."""
 
 
 def check_format(out: Path) -> None:
@@ -55,18 +53,18 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> int:
     Args:
         images: The frames, all of one size; an .mp4 lacks the last row or column of an odd number.
         out: The file; its suffix is one of `MOVING`.
-        seconds: Duration of each frame, clipped to `LONGEST_SHOWN` [s].
+        seconds: Duration of each frame [s].
 
     Raises:
         SmartsError: The file cannot be written.
     """
     write = _write_gif if out.suffix.lower() == ".gif" else _write_mp4
     with written_whole(out) as partial:
-        return write(iter(images), partial, min(seconds, LONGEST_SHOWN))
+        return write(iter(images), partial, seconds)
 
 
 def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> int:
-    seconds = max(seconds, SHORTEST_SHOWN[".gif"])
+    seconds = max(seconds, SHORTEST_SHOWN)
 
     def timed(image: PIL.Image.Image, number: int) -> PIL.Image.Image:
         # The format's unit is 10 ms: what one frame loses, the next one gets.
