@@ -10,16 +10,9 @@ from typing import Literal, get_args
 from smarts.errors import MapError
 
 MapKind = Literal[
-    "sumo_net",
-    "sumo_plain",
-    "netgenerate",
-    "opendrive",
-    "lanelet2",
-    "osm",
-    "commonroad",
-    "argoverse",
-    "waymo",
-]
+    "sumo_net", "sumo_plain", "netgenerate", "opendrive", "lanelet2", "osm",
+    "commonroad", "argoverse", "waymo",
+]  # fmt: skip
 
 MAP_STEM = "map"
 """Default stem of a scenario's map files."""

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from smarts.recordings.reading import Source, left_out, tracks_of_rows
-from smarts.recordings.tracks import Tracks
+from smarts.recordings.reading import Source, left_out
+from smarts.recordings.tracks import Track, Tracks
 from smarts.roads.waymo_scenarios import Message, first, read_scenario
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import VehicleKind
@@ -28,22 +26,19 @@ def read(source: Source) -> Tracks:
     Lights that are not seen for a while show what they showed last.
     """
     scenario = read_scenario(source.path)
-    names, rows, users, lost = [], [], {}, []
+    tracks, lost = [], []
     for track in scenario["tracks"]:
-        name, kind, samples = str(first(track, "id")), first(track, "type"), []
-        for t, state in zip(scenario["t"], track["states"], strict=True):
-            if first(state, "valid"):
-                samples.append([t, *(first(state, field) for field in _SAMPLE)])
-        if kind in KINDS and samples:
-            names += [name] * len(samples)
-            rows += samples
-            users[name] = (KINDS[kind], *np.median(samples, axis=0)[-2:].tolist())
-        elif kind not in KINDS:
+        kind, states = first(track, "type"), zip(scenario["t"], track["states"], strict=True)
+        rows = [[t, *(first(each, field) for field in _SAMPLE)] for t, each in states if first(each, "valid")]
+        if kind not in KINDS:
             lost.append(f"object of type {kind}")
-    table = np.array(rows).reshape(-1, 8)
-    samples = np.column_stack([table[:, :4], np.hypot(*table[:, 4:6].T)])
+        elif rows:
+            table = np.array(rows)
+            samples = np.column_stack([table[:, :4], np.hypot(*table[:, 4:6].T)])
+            length, width = np.median(table[:, 6:], axis=0).tolist()
+            tracks.append(Track(str(first(track, "id")), KINDS[kind], length, width, samples))
     facts = {"name": first(scenario, "scenario_id"), **left_out(lost)}
-    return replace(tracks_of_rows(names, users, samples, facts), signals=_signals(scenario))
+    return Tracks.of(tracks, facts, _signals(scenario))
 
 
 def _signals(scenario: Message) -> np.ndarray:

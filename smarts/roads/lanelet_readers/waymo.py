@@ -50,23 +50,22 @@ def read(path: Path) -> list[Lanelet]:
     lengths = {name: len(line) for name, (_, line) in lanes.items()}
     pairs = _pairs(lanes, lengths)
     cuts = _cuts(lengths, pairs)
-    lit = {first(each, "lane") for step in scenario["lights"] for each in step["lanes"]}
+    lit = {str(first(each, "lane")) for step in scenario["lights"] for each in step["lanes"]}
     found, taken = [], {""}
     for name, (lane, line) in lanes.items():
         half = _width(lane, line, edges) / 2
         aside = half * np.column_stack([-np.sin(headings(line)), np.cos(headings(line))])
         speed = first(lane, "mph") * MILE_PER_HOUR or URBAN
         kind = LaneKind.BICYCLE if first(lane, "type") == BICYCLE else LaneKind.CAR
+        exits = tuple(str(other) for other in lane["exit_lanes"] if other in lanes)
         for begin, end in pairwise(cuts[name]):
-            exits = [(other, 0) for other in lane["exit_lanes"] if other in lanes]
-            after = exits if end == cuts[name][-1] else [(name, end)]
-            lights = tuple(str(other) for other, at in after if other in lit and at == 0)
+            after = exits if end == cuts[name][-1] else (_name(name, end),)
+            lights = tuple(each for each in after if each in lit)
             beside = _left((name, begin, end), pairs, cuts)
-            names, part = tuple(_name(*each) for each in after), slice(begin, end + 1)
-            bounds = line[part] + aside[part], line[part] - aside[part]
+            bounds = (line + aside)[begin : end + 1], (line - aside)[begin : end + 1]
             beside = "" if beside in taken else beside
             taken.add(beside)
-            found.append(Lanelet(_name(name, begin), *bounds, names, beside, speed, kind, lights=lights))
+            found.append(Lanelet(_name(name, begin), *bounds, after, beside, speed, kind, lights=lights))
     return found
 
 
