@@ -40,7 +40,7 @@ from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import EpisodeListener, EvaluatedStep, Sampler
+from algorithms.joint.sampler import EvaluatedStep, Sampler
 from algorithms.joint.spec import SPEC, agent_spaces
 from algorithms.joint.threads import torch_threads
 
@@ -305,7 +305,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         restart_id: int,
         *,
         seed: int | None = None,
-        listener: EpisodeListener | None = None,
+        listener: EpisodeCallbacks | None = None,
     ) -> Sampler:
         self.make_module()
         worker = max(self.worker_index - 1, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from gymnasium.spaces import Discrete
 from torch import Generator
 
 from algorithms.errors import EnvironmentFailure
+from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv, columns_of, name_of
 from algorithms.joint.finite import non_finite
 from algorithms.joint.masks import same_trajectory
@@ -45,18 +46,6 @@ class EvaluatedStep(NamedTuple):
     step: JointStep
 
 
-class EpisodeListener(Protocol):
-    """Receives the episodes of a sampler."""
-
-    def started(self, rows: Ints) -> None:
-        """Take note that these environments began new episodes."""
-        ...
-
-    def stepped(self, step: JointStep, acted: Bools) -> None:
-        """Take note of a step, and of the agents that acted in it, (B, N), before the next actions."""
-        ...
-
-
 class Sampler:
     """Steps B environments with policies and accounts for their episodes.
 
@@ -80,7 +69,7 @@ class Sampler:
         seed: int,
         source: tuple[int, int] = (0, 0),
         max_failures: int = 10,
-        listener: EpisodeListener | None = None,
+        listener: EpisodeCallbacks | None = None,
     ) -> None:
         self._listener = listener
         self.env, self.policies, self.spec = env, policies, spec
