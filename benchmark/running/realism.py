@@ -30,7 +30,8 @@ from smarts.arrays import Bools, Floats
 from smarts.config import fitted
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.recordings.log import Log
+from smarts.geometry.frames import wrap_angle
+from smarts.recordings.log import Log, lanes_onward
 from smarts.recordings.matching import lanes_of
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.hold_missions import find_way
@@ -168,11 +169,16 @@ def in_place_of(
 ) -> EpisodeStart:
     """Return an episode in which the agent begins in the place of a recorded vehicle, on its route.
 
+    Where the recording ends on the way, the route leads straight on to the map's end.
     Traffic plays the recording; it leaves out what stands in the agent's place, which is that vehicle.
     """
     track, (x, y, heading, speed) = window.tracks[column], window.pose[0, column].tolist()
-    found = lanes_of(np.array([[x, y]]), np.array([heading]), roads)
+    paths, last = log.paths, log.paths.sample[track + 1] - 1
+    places, turns = [[x, y], [paths.x[last], paths.y[last]]], [heading, paths.turn[last]]
+    found = lanes_of(np.array(places), wrap_angle(np.array(turns)), roads)
     lane, edges = int(found.lane[0]), log.routes[track]
+    after = [int(roads.lane_edge[each]) for each in lanes_onward(roads, int(found.lane[1]))]
+    edges = (*edges, *(each for each in after if each not in edges and not roads.edge_is_internal[each]))
     edge = int(roads.lane_edge[lane])
     way = find_way(roads, edges[edges.index(edge) :] if edge in edges else edges)
     length, width = window.size[column].tolist()
@@ -181,7 +187,7 @@ def in_place_of(
         pose=(x, y, heading),
         speed=speed,
         mission=way.mission_from(roads, lane, float(found.s[0]), speed) if way else AgentMission(),
-        kind=VehicleKind(int(log.paths.kind[track])),
+        kind=VehicleKind(int(paths.kind[track])),
         length=length,
         width=width,
         entry_time=0.0,
