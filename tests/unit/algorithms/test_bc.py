@@ -7,13 +7,14 @@ import pytest
 import torch
 from rigs import Rig
 
-from algorithms.bc import DataError
+from algorithms.bc import DataError, Demonstrations
 from algorithms.parts.distributions import CategoricalDistribution, GaussianDistribution
 from tests.games.games import Cues, Target
 
 
-def demonstrated(file, obs, actions):
-    pq.write_table(pa.table({"obs": list(obs.astype(np.float32)), "actions": pa.array(actions)}), file)
+def demonstrated(file, obs, actions, **columns):
+    columns = {"obs": list(obs.astype(np.float32)), "actions": pa.array(actions)} | columns
+    pq.write_table(pa.table(columns), file)
     return str(file)
 
 
@@ -35,6 +36,16 @@ def test_continuous_actions_are_those_of_the_environment(tmp_path):
     # The game wants 2 * (1 + cue), and gets 2 + cue: half of the cue away.
     rollout = rig.rollout(16, explore=False)
     np.testing.assert_allclose(rollout.actions[0], rollout.views.observations[0][""][:-1] / 2, atol=0.05)
+
+
+def test_observations_get_noise_and_masked_actions_have_no_share(tmp_path):
+    file = demonstrated(tmp_path / "cues", np.eye(4), [1] * 4, action_mask=[[False, True, False, False]] * 4)
+    rig = Rig("bc", Cues, data=file, noise=0.5)
+    assert rig.learner._noisy(torch.ones(10_000)).std().item() == pytest.approx(0.5, abs=0.02)
+    group = rig.learner.groups[0]
+    assert rig.learner.loss(group).item() > 1.0
+    rig.learner.data = {group.id: Demonstrations.read(file, group, masked=True)}
+    assert rig.learner.loss(group).item() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_data_of_other_agents_are_refused(tmp_path):
@@ -80,6 +91,13 @@ def test_a_policy_keeps_near_to_another_one(reference):
     liked = torch.softmax(torch.tensor([2.0, 0.0, -1.0, 0.0]), 0).numpy()
     given = {"lr": 1e-2, "kl_to": str(reference), "kl_coeff": 1000.0}
     rig = Rig("ppo", Cues, **given)
+    with torch.no_grad():  # by hand: the divergence of equal chances from those liked
+        for name in ("agent_0", "agent_1"):
+            rig.learner.net(name).body[-1].weight.zero_()
+            rig.learner.net(name).body[-1].bias.zero_()
+    rig.learner.update_joint(rig.rollout())
+    first = float(rig.learner._means["agent_0", "kl_to_reference"][0])
+    assert first == pytest.approx(-np.log(4) - np.log(liked).mean(), rel=0.02)
     for _ in range(20):
         rig.learner.update_joint(rig.rollout())
     found, actions = probabilities(rig)

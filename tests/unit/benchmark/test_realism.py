@@ -9,7 +9,10 @@ import pytest
 import perf.recorded_brakes
 from benchmark.metrics.realism import BINS, LEAST_SCENES, Features, collides, log_likelihoods, realism
 from benchmark.running.realism import measure_realism
+from benchmark.running.recorded_windows import idm, play_engine, windows_of
+from smarts.recordings.log import Log, make_log
 from smarts.recordings.tracks import write_tracks
+from smarts.sstudio.build import build_scenario
 from smarts.types.vehicles import VehicleKind
 from tests.maps import straight as road
 from tests.tracks import straight, track_of, tracks_of
@@ -55,13 +58,37 @@ def test_features_by_hand():
     assert found["leader_gap"][0, [0, 10]] == pytest.approx([15.0, 12.0])
     assert found["time_to_collision"][0, [0, 10]] == pytest.approx([5.0, 4.0])
     assert found["lane_offset"] == pytest.approx(0.5)
-    assert found["acceleration"].shape == (1, INSTANTS - 5)
+    bent = driving(5.0, 0.5, 10.0)
+    bent[..., 2:] += np.arange(INSTANTS)[:, None] * (0.01, 0.2)  # 0.1 rad/s, 2 m/s^2
+    changes = features.measure(features.motion(bent, CAR), others)
+    assert changes["acceleration"].shape == (1, INSTANTS - 5)
+    assert changes["acceleration"] == pytest.approx(2.0)
+    assert changes["yaw_rate"] == pytest.approx(0.1)
     gone = np.where(np.arange(INSTANTS)[:, None] > 20, np.nan, driving(5.0, 0.5, 10.0))
     for name, until in features.measure(features.motion(gone, CAR), others).items():
         is_there = np.arange(until.shape[1]) <= 20 - (INSTANTS - until.shape[1])
         np.testing.assert_array_equal(until, np.where(is_there, found[name], np.nan), err_msg=name)
     for speed, hits in ((9.9, False), (10.1, True)):  # 15 m in 5 s are 3 m/s
         assert collides(features.motion(driving(5.0, 0.5, speed), CAR), others).tolist() == [hits]
+
+
+def test_scenes_of_a_vehicle_follow_each_other():
+    tracks = [straight("a", 0.0, 12.0, 0.0, 0.0, 10.0), straight("b", 1.5, 9.0, 0.0, 3.2, 10.0)]
+    log = make_log(tracks_of(tracks), road(2, 400.0))
+    scenes = [[log.names[each.tracks[column]] for column in each.scenes] for each in windows_of(log, 0.0)]
+    assert scenes == [["a"], ["b"], ["a"]]
+    assert [each.begin for each in windows_of(log, 0.0)] == [0.0, 2.0, 5.0]
+
+
+def test_the_intelligent_driver_model_brakes_behind_a_slow_leader():
+    tracks = [straight("own", 0.0, 5.0, 0.0, 0.0, 10.0), straight("leader", 0.0, 5.0, 30.0, 0.0, 3.0)]
+    roads = road(1, 400.0)
+    log = make_log(tracks_of(tracks), roads)
+    (window,) = windows_of(log, 0.0)
+    own, leader = (window.tracks.index(log.names.index(name)) for name in ("own", "leader"))
+    pose = idm(log, window, own, roads)[0]
+    assert (window.pose[:, leader, 0] - pose[:, 0]).min() > 5.0 + 2.0
+    assert pose[-1, 3] < 6.0
 
 
 TRAINED = """
@@ -109,6 +136,14 @@ def test_what_drives_as_recorded_scores_as_the_log(steady_and_changing):
     assert constant == pytest.approx(log)
     assert agent["displacement"] < 0.2
     assert agent["realism"] == pytest.approx(log["realism"], abs=0.02)
+
+
+def test_vehicles_of_sumo_depart_at_their_recorded_speed(steady_and_changing):
+    built = build_scenario(steady_and_changing[0])
+    log = Log.load(built.traffic["recorded"].recording.log)
+    window = next(windows_of(log, 0.0))
+    (pose,) = play_engine("SUMO", log, [window], built.roads(), built.net_file, 1)
+    assert pose[0, 0, window.scenes, 3] == pytest.approx(10.0, abs=0.01)
 
 
 def test_an_agent_drives_on_after_a_collision(steady_and_changing):

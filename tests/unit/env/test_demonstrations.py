@@ -15,7 +15,7 @@ from smarts.env.traffic_agents import TrafficAgents
 from smarts.errors import ActionError, SmartsError
 from smarts.recordings.tracks import write_tracks
 from smarts.sstudio.build import build_scenario
-from smarts.types.actions import ActionSpaceType
+from smarts.types.actions import ActionSpaceType, LaneAction
 from tests.tracks import straight, track_of, tracks_of
 from tests.unit.sstudio.sources import scenario, write_cross
 
@@ -25,14 +25,20 @@ BRAKING = 2.0
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A scenario in which a vehicle follows a slower one 30 m ahead, and brakes from 1.5 s on."""
+    """A scenario in which a vehicle follows a slower one 30 m ahead, and brakes from 1.5 s on.
+
+    Another one comes the other way, and changes lanes to the left at 1.25 s and back at 2.25 s.
+    """
     place = tmp_path_factory.mktemp("scenarios") / "two"
     write_cross(place)
     t = np.arange(0, 3.05, 0.1)
     braked = np.maximum(t - 1.5, 0.0)
     x, zero = -80 + 10 * t - 0.5 * BRAKING * braked**2, np.zeros_like(t)
     rear = track_of("rear", np.column_stack([t, x, Y + zero, zero, 10 - BRAKING * braked]))
-    write_tracks(tracks_of([rear, straight("front", 0.0, 3.0, -45.0, Y, 8.0)]), place / "recording")
+    y = np.interp(t, [1.0, 1.5, 2.0, 2.5], [4.8, 1.6, 1.6, 4.8])
+    changing = track_of("changing", np.column_stack([t, 80 - 10 * t, y, math.pi + zero, 10 + zero]))
+    front = straight("front", 0.0, 3.0, -45.0, Y, 8.0)
+    write_tracks(tracks_of([rear, front, changing]), place / "recording")
     recorded = 't.Traffic([], engine="Recorded", recording=t.Recording("recording", mode="log"))'
     place.joinpath("scenario.py").write_text(scenario(f'traffic={{"recorded": {recorded}}}'))
     return place
@@ -64,6 +70,14 @@ def test_a_recorded_vehicle_is_observed_and_its_motion_explained(data):
     said = about(data)
     assert (said["licence"], said["action"], said["decision_interval"]) == ("CC0", "Direct", 5)
     assert said["median_residual"] < 1e-3
+
+
+def test_changes_of_lanes_are_actions(folder, tmp_path):
+    demonstrate(folder, tmp_path / "data", action="Lane")
+    rows = pq.read_table(tmp_path / "data").to_pandas()
+    found = rows[rows.agent_id == "history-vehicle-changing"].set_index("t").actions
+    assert [found[2], found[4]] == [LaneAction.change_lane_left, LaneAction.change_lane_right]
+    assert set(found[[1, 3, 5]]) <= {LaneAction.keep_lane, LaneAction.slow_down}
 
 
 def test_actions_that_are_carried_out_are_found_again(folder):

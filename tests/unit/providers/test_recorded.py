@@ -396,8 +396,8 @@ def test_the_gap_on_a_path_is_that_between_outlines():
 
 
 def test_headways_are_the_tracks_own():
-    def headway(behind, speed=10.0, seconds=10.0):
-        ahead = straight("ahead", 0.0, seconds, behind, 0.0, speed)
+    def headway(behind, speed=10.0, seconds=10.0, leader=10.0):
+        ahead = straight("ahead", 0.0, seconds, behind, 0.0, leader)
         return make_log(tracks_of([straight("own", 0.0, seconds, 0.0, 0.0, speed), ahead]), ROADS)
 
     names = headway(20.0).names
@@ -406,6 +406,8 @@ def test_headways_are_the_tracks_own():
     assert found["ahead"] == 1.0
     assert headway(9.0).paths.headway[names.index("own")] == 0.5
     assert headway(38.0).paths.headway[names.index("own")] == 2.0
+    # The gap grows from 12 to 22 m; half a second after the begin it is 12.5 m.
+    assert headway(17.0, leader=11.0).paths.headway[names.index("own")] == pytest.approx(1.05)
 
 
 def test_pedestrians_stay_on_their_log_and_vehicles_brake_for_what_stands(play):

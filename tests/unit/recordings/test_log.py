@@ -39,6 +39,14 @@ def test_a_path_has_no_scribble_of_a_standing_vehicle_and_no_way_back():
     assert paths.s[-1] == pytest.approx(x[-1], abs=0.3)
 
 
+def test_the_pace_of_a_place_is_the_speed_that_is_reached_within_ten_metres():
+    t = np.arange(0.0, 10.0, 0.1)
+    samples = np.column_stack([t, 5 * t + 0.5 * t**2, 0 * t, 0 * t, 5 + t])
+    paths = make_log(tracks_of([track_of("a", samples)]), ROADS, end=9.0).paths
+    s = paths.point_s[paths.point_s < 60.0]
+    assert paths.point_pace[: len(s)] == pytest.approx(np.sqrt(25 + 2 * (s + 10)), abs=0.11)
+
+
 def test_a_log_is_read_as_it_was_written(tmp_path):
     tracks = [straight("a", 0.0, 9.0, 0.0, 0.0, 10.0), straight("b", 9.5, 12.0, 0.0, 3.2, 10.0)]
     tracks += [straight("out", 1.0, 2.0, 0.0, 90.0, 3.0)]

@@ -1,6 +1,7 @@
 """Traffic lights of recordings: read, found on the map, and shown."""
 
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,6 +22,7 @@ from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.traffic import Signal
+from tests import maps
 from tests.recording_files import commonroad, lanelet, obstacle
 
 PHASES = (("green", 10), ("yellow", 3), ("red", 20), ("redYellow", 2))
@@ -98,6 +100,26 @@ def test_a_light_of_commonroad_is_shown_to_sensors(tmp_path):
     red, amber, green = SignalLightState.STOP, SignalLightState.CAUTION, SignalLightState.GO
     assert states == [*[red] * 3, *[amber] * 2, *[green] * 10, *[amber] * 3, *[red] * 2]
     assert {each.controlled_lanes for (each,) in found} == {(roads.lane_ids[governed],)}
+    files = built.traffic["recorded"]
+    later = replace(files.recording, begin=2.0, latest=2.0)
+    built.traffic["recorded"] = replace(files, recording=later)
+    with traffic_run(built, "recorded") as run:  # amber from 3.8 s, green from 4 s on
+        shown = [int(run.world.signals[0, governed])]
+        shown += [int(run.world.signals[0, governed]) for _ in run.steps(2.1)]
+    assert shown == [*[Signal.STOP] * 18, *[Signal.CAUTION] * 2, *[Signal.GO] * 2]
+
+
+def test_a_light_governs_the_nearest_of_the_ways_over_its_places():
+    """The stop position is at the end of a short road, whose way on and the next road's both lead over it."""
+    ways = {
+        "a": maps.Road([(0.0, 0.0), (50.0, 0.0)]),
+        "b": maps.Road([(51.0, 0.0), (61.0, 0.0)]),
+        "c": maps.Road([(62.0, 0.0), (120.0, 0.0)]),
+    }
+    roads = maps.graph_of(ways, [(("a", 0), ("b", 0)), (("b", 0), ("c", 0))])
+    found, count = lights_of(np.array([[0.0, 50.0, 0.0, 61.0, 0.0, Signal.STOP]]), roads)
+    assert count == 1
+    assert found.tolist() == [[0.0, roads.successors(roads.lane_number("a", 0))[0], Signal.STOP]]
 
 
 def test_an_episode_with_signals_comes_back(tmp_path):
