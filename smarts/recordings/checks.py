@@ -30,14 +30,13 @@ OVER = 0.5
 """Accelerations are taken over this time [s]."""
 LIMITS = {
     "off the map": (0.1, "{} {:.0%} of its samples"),
-    "gaps": (3.5, "{} {:.0f} time steps"),
     "accelerations": (8.0, "{} {:.1f} m/s^2"),
     "speeds unlike positions": (2.0, "{} by {:.1f} m/s"),
 }
 """Kind of a finding in single tracks -> the value above which a track is named, and how.
 
-They are the share of samples off the lanes; the longest time without a sample, in time steps; the largest
-acceleration, along or across; the 95th percentile of the difference between speeds and those of positions.
+They are the share of samples off the lanes; the largest acceleration, along or across; the 95th percentile
+of the difference between speeds and those of positions.
 """
 
 NOT_TRAFFIC = "not traffic"
@@ -85,7 +84,7 @@ def check(tracks: Tracks, roads: LaneGraph | None = None) -> Report:
     findings = (
         *_begun_together(tracks, pairs, dt),
         *_of_pairs(tracks, pairs, dt),
-        *_in_tracks(tracks, on_lane, dt),
+        *_in_tracks(tracks, on_lane),
     )
     contents = _contents(tracks, np.bincount(frame[is_in_frame]), dt)
     if len(tracks.signals):
@@ -145,12 +144,12 @@ def _of_pairs(tracks: Tracks, pairs: _Pairs, dt: float) -> Iterator[Finding]:
         yield Finding("overlaps", f"{len(pairs)} pairs, as {_first(names)}")
 
 
-def _in_tracks(tracks: Tracks, on_lane: Bools, dt: float) -> Iterator[Finding]:
+def _in_tracks(tracks: Tracks, on_lane: Bools) -> Iterator[Finding]:
     """Yield what is implausible in single tracks, the worst first."""
     columns = np.array([getattr(tracks, name) for name in SAMPLE])
     values = []
     for rows in (slice(*ends) for ends in pairwise(tracks.start)):
-        values.append((1.0 - on_lane[rows].mean(), *_measures(columns[:, rows], dt)))
+        values.append((1.0 - on_lane[rows].mean(), *_measures(columns[:, rows])))
     for (kind, (limit, form)), value in zip(LIMITS.items(), np.array(values).T, strict=True):
         worst = np.argsort(-value)[: (value > limit).sum()]
         if len(worst):
@@ -158,19 +157,18 @@ def _in_tracks(tracks: Tracks, on_lane: Bools, dt: float) -> Iterator[Finding]:
             yield Finding(kind, f"{len(worst)} track{'s' * (len(worst) > 1)}: {names}")
 
 
-def _measures(columns: Floats, dt: float) -> tuple[float, float, float]:
+def _measures(columns: Floats) -> tuple[float, float]:
     """Return the values of a track for `LIMITS` behind the first; columns as in `SAMPLE`, shape (5, n)."""
     t, x, y, _, speed = columns
     if len(t) < 2:
-        return 0.0, 0.0, 0.0
-    steps = np.diff(t)
-    apart = np.abs(np.hypot(np.diff(x), np.diff(y)) / steps - (speed[1:] + speed[:-1]) / 2)
+        return 0.0, 0.0
+    apart = np.abs(np.hypot(np.diff(x), np.diff(y)) / np.diff(t) - (speed[1:] + speed[:-1]) / 2)
     begin = t[t + 2 * OVER <= t[-1] + 1e-6]
     early, now, late = (
         np.array([np.interp(begin + shift, t, axis) for axis in (x, y)]) for shift in (0.0, OVER, 2 * OVER)
     )
     acceleration = np.hypot(*(late - 2 * now + early)).max(initial=0.0) / OVER**2
-    return steps.max() / dt, acceleration, float(np.percentile(apart, 95))
+    return acceleration, float(np.percentile(apart, 95))
 
 
 def _contents(tracks: Tracks, present: Longs, dt: float) -> str:

@@ -6,11 +6,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from smarts.recordings.checks import NOT_TRAFFIC, Report, check, on_lanes
+import numpy as np
+
+from smarts.recordings.checks import NOT_TRAFFIC, Report, check, on_lanes, share_of_vehicles
 from smarts.recordings.reading import Source, read
 from smarts.recordings.repairs import repaired
-from smarts.recordings.tracks import RecordingError, Tracks, write_tracks
+from smarts.recordings.tracks import GAP, RecordingError, Tracks, write_tracks
 from smarts.roads.compile import MapNotes, compile_map
+from smarts.roads.lanelets import LANELET_MAPS, read_lanelets
 from smarts.roads.sources import MapKind, MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
 from smarts.whole_files import written_whole
@@ -79,23 +82,28 @@ def import_recording(
         map_source = _map_source(source.path, tracks.facts["source_format"], map_file)
         notes = compile_map(map_source, folder / NET) if map_source else MapNotes()
         roads = read_net(folder / NET) if map_source else None
-        report = check(tracks, roads)
-        is_cut = map_source is not None and map_source.kind in LEAST_ON_CUT_MAP
-        least = LEAST_ON_CUT_MAP.get(map_source.kind, LEAST_ON_LANES) if map_source else 0.0
-        if report.on_lanes is not None and report.on_lanes < least:
+        is_kept = np.ones(len(tracks.t), bool) if roads is None else on_lanes(tracks, roads)
+        share = share_of_vehicles(is_kept, tracks) if roads else 1.0
+        if map_source and share < LEAST_ON_CUT_MAP.get(map_source.kind, LEAST_ON_LANES):
             raise RecordingError(
-                f"only {report.on_lanes:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
+                f"only {share:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
                 place=str(source.path),
                 remedy="give the map of this recording, in the same coordinates",
             )
-        if is_cut and roads:
-            said.append(f"left out {1 - (report.on_lanes or 0):.0%} of the positions, which are off the map")
-            tracks = tracks.of_samples(on_lanes(tracks, roads))
-            report = check(tracks, roads)
+        if map_source and map_source.kind in LEAST_ON_CUT_MAP:
+            cut = [f"off the map: {1 - share:.0%} of the positions, which are left out"]
+        else:
+            cut, is_kept[:] = [], True
+        names, tracks = {*tracks.names}, tracks.of_samples(is_kept)
+        if gaps := len({*tracks.names} - names):
+            cut.append(f"gaps: {gaps}, at which tracks are split, as they are longer than {GAP} time steps")
+        report = check(tracks, roads)
         facts = {"licence": licence.strip(), "is_traffic": str(report.is_traffic).lower()}
         facts |= {"attribution": attribution} if attribution else {}
+        assumed = [tracks.facts.get("assumed"), _assumed_limits(map_source)]
+        facts |= {"assumed": "; ".join(filter(None, assumed))} if any(assumed) else {}
         tracks = replace(tracks, facts={**tracks.facts, **facts})
-        lines = _lines(tracks, report, said, notes)
+        lines = _lines(tracks, report, [*(f"repaired: {each}" for each in said), *cut], notes)
         _write(folder, tracks, lines, is_scenario=report.is_traffic and map_source is not None)
     return lines
 
@@ -142,7 +150,16 @@ def _map_source(path: Path, format: str, map_file: Path | None) -> MapSource | N
     return find_map_source(Path(), str(map_file.absolute()))
 
 
-def _lines(tracks: Tracks, report: Report, repairs: list[str], notes: MapNotes) -> list[str]:
+def _assumed_limits(source: MapSource | None) -> str:
+    """Return on how many lanelets a map names no speed limit, "" if on none."""
+    if source is None or source.kind not in LANELET_MAPS:
+        return ""
+    lanelets = read_lanelets(source.kind, source.files[0].with_name(source.files[0].name + source.part))
+    count = sum(each.assumes_limit for each in lanelets)
+    return f"limits of {count} of {len(lanelets)} lanelets" if count else ""
+
+
+def _lines(tracks: Tracks, report: Report, changes: list[str], notes: MapNotes) -> list[str]:
     """Return the report, the gravest first."""
     facts = tracks.facts
     loud = [f"{each.kind.upper()}: {each.text}" for each in report.findings if each.kind == NOT_TRAFFIC]
@@ -153,7 +170,7 @@ def _lines(tracks: Tracks, report: Report, repairs: list[str], notes: MapNotes) 
     else:
         lines.append(f"map: {report.on_lanes:.2%} of the positions lie on its lanes")
     lines += [f"map: {note}" for note in (*notes.warnings, *notes.remarks)]
-    lines += [f"repaired: {each}" for each in repairs]
+    lines += changes
     lines += [f"assumed: {facts['assumed']}"] if "assumed" in facts else []
     lines += [f"left out: {facts['left_out']}"] if "left_out" in facts else []
     lines += found or ["found: nothing implausible"] * report.is_traffic

@@ -26,6 +26,8 @@ TRACKS = "tracks.parquet"
 SAMPLE = ("t", "x", "y", "heading", "speed")
 """Columns of samples: time since the recording's first sample [s], centre of the footprint in the map frame
 [m, m], heading [rad], speed along it [m/s]."""
+GAP = 3.5
+"""Tracks are split where their samples are farther apart [time steps]."""
 _COLUMNS = {"track": pa.string(), "kind": pa.int8()}
 _COLUMNS |= dict.fromkeys(("length", "width", *SAMPLE), pa.float64())
 
@@ -105,10 +107,19 @@ class Tracks:
         return [Track(*each) for each in zip(*columns, strict=True)]
 
     def of_samples(self, keeps: Bools) -> Tracks:
-        """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone."""
-        masks = zip(self.apart(), np.split(keeps, self.start[1:-1]), strict=True)
-        kept = (track._replace(samples=track.samples[mask]) for track, mask in masks if mask.any())
-        return Tracks.of(kept, self.facts, self.signals)
+        """Return the tracks with some of their samples, a mask of shape (N,); those without any are gone.
+
+        Behind a gap of more than `GAP` of its usual time steps, a track is another one: NAME, NAME~2, ...
+        """
+        found = []
+        for track, mask in zip(self.apart(), np.split(keeps, self.start[1:-1]), strict=True):
+            kept, steps = track.samples[mask], np.diff(track.samples[:, 0])
+            usual = np.median(steps) if len(steps) else 0.0
+            parts = np.split(kept, np.flatnonzero(np.diff(kept[:, 0]) > GAP * usual) + 1)
+            names = track.name, *(f"{track.name}~{number}" for number in range(2, len(parts) + 1))
+            own = zip(names, parts, strict=True)
+            found += [track._replace(name=name, samples=part) for name, part in own if len(part)]
+        return Tracks.of(found, self.facts, self.signals)
 
     def __len__(self) -> int:
         return len(self.names)

@@ -61,6 +61,8 @@ class Lanelet:
     """Whether the map says that it lies inside a junction."""
     lights: tuple[str, ...] = ()
     """The traffic lights at its end."""
+    assumes_limit: bool = False
+    """Whether the map names no limit."""
 
 
 def read_lanelets(kind: str, path: Path) -> list[Lanelet]:

@@ -42,6 +42,7 @@ def read(path: Path) -> list[Lanelet]:
             left_neighbour=str(beside.get(name, "")),
             kind=KINDS[each["lane_type"]],
             inside=each["is_intersection"],
+            assumes_limit=True,
         )
         for name, each in found.items()
     ]

@@ -59,6 +59,7 @@ def read(path: Path) -> list[Lanelet]:
                 next((KINDS[each] for each in KINDS if each in types), LaneKind.CAR),
                 name in inside,
                 tuple(each.attrib["ref"] for each in element.iterfind("trafficLightRef")),
+                not limits,
             )
         )
     return lanelets

@@ -7,6 +7,7 @@ nanometers", Journal of Geodesy 85, 2011, equations 7 to 12 and 35.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -61,20 +62,19 @@ def read(path: Path) -> list[Lanelet]:
             np.array([places[node] for node in right]),
             tuple(begins.get((left[-1], right[-1]), ())),
             by_right.get(tuple(left), ""),
-            _limit(tags),
+            _limit(tags) or (MOTORWAY if tags["subtype"] == "highway" else URBAN),
             KINDS[tags["subtype"]],
             "turn_direction" in tags,
+            assumes_limit=not _limit(tags),
         )
         for name, (tags, left, right) in found.items()
     ]
 
 
 def _limit(tags: Mapping[str | None, str]) -> float:
-    """Return the limit [m/s]."""
-    number, _, unit = tags.get("speed_limit", "").partition(" ")
-    if number:
-        return float(number) * (MILE_PER_HOUR if unit == "mph" else KILOMETRE_PER_HOUR)
-    return MOTORWAY if tags["subtype"] == "highway" else URBAN
+    """Return the limit [m/s], as of "50", "50km/h", "30 mph"; 0 where there is none."""
+    found = re.match(r"([\d.]+) *(mph)?", tags.get("speed_limit", ""))
+    return float(found[1]) * (MILE_PER_HOUR if found[2] else KILOMETRE_PER_HOUR) if found else 0.0
 
 
 def _aligned(left: list[str], right: list[str], places: Mapping[str, Floats]) -> tuple[list[str], list[str]]:

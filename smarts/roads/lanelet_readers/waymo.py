@@ -55,7 +55,7 @@ def read(path: Path) -> list[Lanelet]:
     for name, (lane, line) in lanes.items():
         half = _width(lane, line, edges) / 2
         aside = half * np.column_stack([-np.sin(headings(line)), np.cos(headings(line))])
-        speed = first(lane, "mph") * MILE_PER_HOUR or URBAN
+        speed = first(lane, "mph") * MILE_PER_HOUR
         kind = LaneKind.BICYCLE if first(lane, "type") == BICYCLE else LaneKind.CAR
         exits = tuple(str(other) for other in lane["exit_lanes"] if other in lanes)
         for begin, end in pairwise(cuts[name]):
@@ -65,7 +65,8 @@ def read(path: Path) -> list[Lanelet]:
             bounds = (line + aside)[begin : end + 1], (line - aside)[begin : end + 1]
             beside = "" if beside in taken else beside
             taken.add(beside)
-            found.append(Lanelet(_name(name, begin), *bounds, after, beside, speed, kind, lights=lights))
+            more = {"lights": lights, "assumes_limit": not speed}
+            found.append(Lanelet(_name(name, begin), *bounds, after, beside, speed or URBAN, kind, **more))
     return found
 
 

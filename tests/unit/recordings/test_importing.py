@@ -76,10 +76,14 @@ def test_vehicles_beyond_the_map_of_argoverse_are_left_out(importing, tmp_path):
         ("1", "vehicle", 0, 2.0, range(60)),
         ("2", "vehicle", 20, 2.0, range(20)),
         ("3", "vehicle", 0, 9.0, [4, 4]),
+        ("4", "vehicle", 0, 2.0, [*range(20, 35), *[60] * 10, *range(10, 25)]),
     ]
     code, text = importing(argoverse(tmp_path / "scenario_a.parquet", cars))
-    assert (code, read_tracks(tmp_path / "out").names) == (0, ("1", "2"))
-    assert "left out 23% of the positions, which are off the map" in text
+    assert (code, read_tracks(tmp_path / "out").names) == (0, ("1", "4", "2", "4~2"))
+    assert (
+        "\noff the map: 24% of the positions, which are left out\ngaps: 1, at which tracks are split" in text
+    )
+    assert "; limits of 1 of 1 lanelets\n" in text
     assert read_tracks(tmp_path / "out").x.max() == 42  # half a width beyond the lane
 
 

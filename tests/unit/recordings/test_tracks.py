@@ -24,6 +24,17 @@ def test_a_recording_is_read_as_it_was_written(tracks, tmp_path):
         assert np.array_equal(getattr(read, name), getattr(tracks, name)), name
 
 
+def test_tracks_are_split_at_gaps_of_more_than_three_time_steps():
+    """One has a gap of 3 and one of 4 steps, the other one has none but that of 5 steps which are left out."""
+    own, other = straight("own", 0.0, 3.0, 0.0, 0.0, 10.0), straight("other", 0.0, 3.0, 0.0, 5.0, 10.0)
+    own = own._replace(samples=np.delete(own.samples, [11, 12, 21, 22, 23], axis=0))
+    tracks = tracks_of([own, other])
+    keeps = (tracks.track == 0) | (tracks.t < 1.05) | (tracks.t > 1.45)
+    found = {each.name: each.samples[[0, -1], 0] for each in tracks.of_samples(keeps).apart()}
+    ends = {"own": [0, 2], "other": [0, 1], "other~2": [1.5, 3], "own~2": [2.4, 3]}
+    assert {name: pytest.approx(each) for name, each in ends.items()} == found
+
+
 def without(column):
     return lambda table: table.drop_columns([column])
 

@@ -59,6 +59,7 @@ def test_a_road_that_splits(tmp_path):
     assert roads.width[at["road-1-2_1"]] == pytest.approx(3.5)
     limits = {"road-1-2_0": 50 / 3.6, "road-3-4_0": 130 / 3.6, "road-5_0": 16.5}
     assert {name: roads.speed_limit[at[name]] for name in limits} == pytest.approx(limits, abs=0.01)
+    assert [each.assumes_limit for each in read(source.files[0])] == [True] * 4 + [False]
     assert roads.kind[at["road-3-4_1"]] == LaneKind.BUS
     whole = np.concatenate([line(roads, "road-1-2_1"), line(roads, "road-3-4_1")])
     assert whole[:, 1] == pytest.approx(3.5, abs=0.01)
@@ -145,6 +146,11 @@ def test_lanelet2_gives_the_same_lanelets(tmp_path):
         assert one.speed == pytest.approx(other.speed)
         assert np.array_equal(one.left, other.left)
         assert np.array_equal(one.right, other.right)
+
+
+def test_speed_limits_of_lanelet2():
+    found = [lanelet2._limit({"speed_limit": text}) for text in ("50", "50km/h", "50 km/h", "30 mph", "")]
+    assert found == pytest.approx([13.889, 13.889, 13.889, 13.411, 0], abs=1e-3)
 
 
 def test_lanelet2_by_latitude_and_longitude(tmp_path):
