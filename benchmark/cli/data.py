@@ -97,6 +97,9 @@ def realism(
         str,
         typer.Argument(metavar="SCENARIO", help="Scenario with recorded traffic, or SCENARIO@VARIATION."),
     ],
+    traffic: Annotated[
+        str | None, typer.Option(help="Traffic variation.", show_default="the last that is recorded")
+    ] = None,
     policy: Annotated[
         list[str] | None,
         typer.Option(help="Folder of a run, or agent of the zoo. Repeatable.", show_default=False),
@@ -114,5 +117,6 @@ def realism(
 
     from benchmark.running.realism import measure_realism
 
-    rows = measure_realism(scenario, policies=policy or (), engines=engine or ("SUMO",), rollouts=rollouts)
+    drivers = {"policies": policy or (), "engines": engine or ("SUMO",)}
+    rows = measure_realism(scenario, traffic=traffic, rollouts=rollouts, **drivers)
     typer.echo(pd.DataFrame(rows).to_string(index=False, float_format="%.3f", na_rep="n/a"))

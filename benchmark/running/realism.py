@@ -49,7 +49,12 @@ Played = tuple[Callable[[int], Floats], Floats]
 
 
 def measure_realism(
-    scenario: str, *, policies: Sequence[str] = (), engines: Sequence[str] = ("SUMO",), rollouts: int = 32
+    scenario: str,
+    *,
+    traffic: str | None = None,
+    policies: Sequence[str] = (),
+    engines: Sequence[str] = ("SUMO",),
+    rollouts: int = 32,
 ) -> Iterator[dict[str, Any]]:
     """Yield what each driver scores against a recording by name, as in `realism`, the recording itself first.
 
@@ -57,7 +62,8 @@ def measure_realism(
     which the vehicle overlaps another one.
 
     Args:
-        scenario: The scenario, perhaps with a variation; of its traffic, the first is taken that is recorded.
+        scenario: The scenario, perhaps with a variation.
+        traffic: Variation of its traffic, by default the last that is recorded.
         policies: Folders of runs, which act as sampled, and agents of the zoo.
         engines: Traffic engines, each of which drives all vehicles from a window's begin on.
         rollouts: How often everything is played that may differ.
@@ -66,11 +72,12 @@ def measure_realism(
         SmartsError: The scenario has no recorded traffic, or there is no such driver.
     """
     built = build_scenario(scenario)
-    found = [(each, files.recording) for each, files in built.traffic.items() if files.recording]
-    if not found:
+    recorded = [each for each, files in built.traffic.items() if files.recording]
+    traffic = traffic or next(reversed(recorded), None)
+    if (recording := built.traffic_files(traffic).recording) is None or traffic is None:
         remedy = "give a scenario that `smarts-bench data import` wrote"
         raise SmartsError("it has no recorded traffic", place=scenario, remedy=remedy)
-    (traffic, recording), roads, features = found[0], built.roads(), Features(built.roads())
+    roads, features = built.roads(), Features(built.roads())
     log = Log.load(recording.log)
     windows = [*windows_of(log, recording.begin)]
     if not windows:
@@ -95,7 +102,7 @@ def measure_realism(
         },
     }
     for name, played in drivers.items():
-        yield {"driver": name} | _score(features, windows, played)
+        yield {"driver": name, "traffic": traffic} | _score(features, windows, played)
 
 
 def _score(features: Features, windows: Sequence[Window], played: Iterator[Played]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import TrafficError
 from smarts.geometry.frames import wrap_angle
 from smarts.recordings.gaps import headways
 from smarts.recordings.matching import lanes_of, routes_of
@@ -68,20 +67,11 @@ class Log:
 
     @classmethod
     def load(cls, file: Path) -> Log:
-        """Read a saved log.
-
-        Raises:
-            TrafficError: It is not one of this program.
-        """
-        try:
-            with np.load(file, allow_pickle=False) as found:
-                paths = Paths._make(found[name] for name in Paths._fields)
-                ends = np.cumsum(found["edge_counts"])
-                routes = np.split(found["edges"], ends[:-1])
-                names, lights = tuple(found["names"].tolist()), found["lights"]
-        except (OSError, ValueError, KeyError) as error:
-            remedy = "delete the scenario's build folder; it is then rebuilt"
-            raise TrafficError(f"not a saved log: {error}", place=str(file), remedy=remedy) from error
+        """Read a saved log."""
+        with np.load(file, allow_pickle=False) as found:
+            paths = Paths._make(found[name] for name in Paths._fields)
+            routes = np.split(found["edges"], np.cumsum(found["edge_counts"])[:-1])
+            names, lights = tuple(found["names"].tolist()), found["lights"]
         return cls(names, paths, tuple(tuple(each.tolist()) for each in routes), lights)
 
 
@@ -116,7 +106,8 @@ def make_log(tracks: Tracks, roads: LaneGraph, begin: float = 0.0, end: float = 
     position, heading = np.column_stack([paths.x, paths.y]), wrap_angle(paths.turn)
     routes = routes_of(position, heading, paths.sample, roads)
     routes = (() if on_foot else route for route, on_foot in zip(routes, walks, strict=True))
-    return Log(names, paths, tuple(routes), lights_of(tracks.signals, roads)[0])
+    signals = tracks.signals[tracks.signals[:, 0] <= end]
+    return Log(names, paths, tuple(routes), lights_of(signals, roads)[0])
 
 
 _SHAPE = ("kind", "length", "width")

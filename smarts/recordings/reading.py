@@ -38,7 +38,7 @@ READERS = Registry(
         "Waymo": "smarts.recordings.readers.waymo:read",
     },
 )
-_BY_ENDING = {".shf": "SHF", ".txt": "NGSIM", ".csv": "INTERACTION", ".parquet": "Argoverse"}
+_BY_ENDING = {".shf": "SHF", ".txt": "NGSIM", ".parquet": "Argoverse"}
 _BY_ROOT = {"commonRoad": "CommonRoad", "fcd-export": "FCD"}
 """Outermost element of an XML file -> format."""
 SIZES = {
@@ -59,7 +59,7 @@ class Source:
     """A recording on disk."""
 
     path: Path
-    """Its file, FILE#ID of one of Waymo's scenarios, or the folder of an episode."""
+    """Its file, FILE#ID of a scenario of Waymo or a location of NGSIM's CSV, or the folder of an episode."""
     headings: HeadingRule = field(default_factory=HeadingRule)
     """How headings follow from positions, in formats without headings."""
 
@@ -117,6 +117,10 @@ def guess_format(path: Path) -> str:
         raise RecordingError("there is no such file or folder", place=str(path))
     found = "SMARTS" if (path / "vehicles.parquet").is_file() else _BY_ENDING.get(path.suffix.lower(), "")
     found = "Waymo" if ".tfrecord" in file.name else found
+    found = "Argoverse" if any(path.glob("scenario_*.parquet")) else found
+    if file.suffix == ".csv":
+        with file.open() as lines:
+            found = "NGSIM" if "Vehicle_ID" in next(lines, "") else "INTERACTION"
     if path.suffix == ".xml":
         with suppress(ParseError):
             _, root = next(iter(iterparse(path, ("start",))))

@@ -113,7 +113,7 @@ def write_log(
     if not recording.begin <= latest < end:
         problem = f"begin={recording.begin:g}, window={recording.window} do not fit: it ends at {end:.4g} s"
         raise ScenarioError(problem, place=at, remedy="use an earlier begin, or a shorter window")
-    log = make_log(tracks, roads, recording.begin, end)
+    log = make_log(tracks, roads, recording.begin, np.inf if recording.end is None else recording.end)
     log.save(file)
     ends = {NAME + name: end for name, end in zip(log.names, log.paths.end.tolist(), strict=True)}
     latest = float(_latest_begin(ends, taken, recording.begin, latest, at))

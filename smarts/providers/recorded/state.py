@@ -42,7 +42,6 @@ SIMULATION = np.dtype(
         ("reacts", np.bool_),
         ("limit", np.int32),
         ("is_full", np.bool_),
-        ("dropped", np.int32),
     ],
     align=True,
 )

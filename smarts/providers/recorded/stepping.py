@@ -173,7 +173,6 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
             continue
         if _keeps_log(n, b, track) and paths.end[track] < now - SLACK:
             n.entry[b, track - sim.first] = _DONE
-            sim.dropped += 1
             continue
         is_full = present + count - first >= min(sim.limit, n.vehicles.alive.shape[1])
         if is_full:
@@ -184,7 +183,6 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
         elif at_reset:
             # In the middle of its way it would later appear beside or before what has stood in its place.
             n.entry[b, track - sim.first] = _DONE
-            sim.dropped += 1
         else:
             n.entry[b, track - sim.first] = _DELAYED
     return count

@@ -124,7 +124,9 @@ def steady_and_changing(tmp_path_factory):
 
 
 def by_name(*args, **given):
-    return {row.pop("driver"): row for row in measure_realism(*args, **given)}
+    rows = [*measure_realism(*args, **given)]
+    assert {row.pop("traffic") for row in rows} == {"recorded"}
+    return {row.pop("driver"): row for row in rows}
 
 
 def test_what_drives_as_recorded_scores_as_the_log(steady_and_changing):

@@ -145,19 +145,18 @@ def test_vehicles_do_not_enter_onto_others(play):
     play.reset(play.log(tracks), agents=[(20.0, 0.0), (22.0, 3.2)])
     play.step(12)
     assert [play.state(each) is not None for each in ("late", "never", "twin", "twin2")] == [0, 0, 1, 0]
-    sim, entry = play.engine.sims[0], play.engine._traffic.value.entry[0]
-    assert ((entry == Entry.DELAYED).sum(), sim["dropped"]) == (3, 0)
+    entry = play.engine._traffic.value.entry[0]
+    assert (entry == Entry.DELAYED).sum() == 3
     play.world.registry.dismiss(0, 0)
     play.step()
     assert play.state("late")[0] == pytest.approx(23.0)
     play.step(20)
-    assert sim["dropped"] == 1
+    assert (entry == Entry.DELAYED).sum() == 1
     assert play.state("never") is None
 
 
 def test_vehicles_at_the_place_of_an_agent_at_the_begin_never_come(play):
     play.reset(play.log([straight("a", 0.0, 9.0, 0.0, 0.0, 10.0)]), begin=2.0, agents=[(21.0, 0.0)])
-    assert play.engine.sims["dropped"][0] == 1
     play.world.registry.dismiss(0, 0)
     play.step(5)
     assert play.state("a") is None
@@ -374,7 +373,7 @@ def test_what_enters_is_there_has_left_or_is_taken(play):
         if step == 60:
             play.vehicles.owner[0, play.slot("3")] = Owner.AGENT
     to_come = (play.engine._traffic.value.entry[0] != Entry.DONE).sum()
-    assert len(seen) + play.engine.sims["dropped"][0] + to_come == 40
+    assert len(seen) + to_come == 40
     assert NAME + "3" in names
 
 

@@ -84,6 +84,23 @@ def test_text_of_ngsim(tmp_path):
     assert (tracks.length / foot).tolist() == pytest.approx([15, 40])
 
 
+def test_csv_of_ngsim(tmp_path):
+    """A number is used twice; a row is there twice; there are two locations."""
+    head = (
+        "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,v_length,v_Width,v_Class,v_Vel,Location"
+    )
+    rows = [(2, k, 3, 1118846980200 + 100 * k, 20, 100 + 3 * k, 15, 6, 2, 30, "i-80") for k in (0, 1, 2, 2)]
+    rows += [(2, k, 2, 1118849980200 + 100 * k, 20, 100 + 3 * k, 40, 8, 3, 30, "i-80") for k in (0, 1)]
+    rows += [(3, k, 2, 1118846980200 + 100 * k, 0, 0, 15, 6, 2, 0, "us-101") for k in (0, 1)]
+    file = tmp_path / "NGSIM.csv"
+    file.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]))
+    tracks = read(Source(tmp_path / "NGSIM.csv#i-80"))
+    assert (tracks.names, (tracks.length / 0.3048).tolist()) == (("2-3", "2-2"), pytest.approx([15, 40]))
+    assert samples(tracks, "2-3")[1] == pytest.approx([0.1, *0.3048 * np.array([20, 95.5]), np.pi / 2, 9.144])
+    with pytest.raises(RecordingError, match=r"i-80, us-101(?s:.*)give NGSIM\.csv#i-80"):
+        read(Source(file))
+
+
 def test_floating_car_data_of_sumo(tmp_path):
     """A car (5 m) drives east, a truck (7.1 m) north."""
     steps = "".join(
@@ -197,6 +214,8 @@ def test_what_is_no_recording_is_refused(mistake, tmp_path):
 def test_each_format_is_recognised_and_has_a_reader(tmp_path):
     assert guess_format(shf(tmp_path / "x.shf")) == "SHF"
     assert guess_format(commonroad(tmp_path / "x.xml")) == "CommonRoad"
+    argoverse(tmp_path / "scenario_x.parquet", [])
+    assert guess_format(tmp_path) == guess_format(tmp_path / "scenario_x.parquet") == "Argoverse"
     assert all(callable(READERS[name]) for name in READERS)
 
 

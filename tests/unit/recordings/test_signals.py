@@ -10,6 +10,7 @@ import pytest
 from smarts.agents import AgentInterface, AgentSpec
 from smarts.env import HiWayEnv
 from smarts.recordings.importing import import_recording
+from smarts.recordings.log import make_log
 from smarts.recordings.reading import Source, read
 from smarts.recordings.signals import SIGNAL, SIGNALS, lights_of
 from smarts.recordings.tracks import RecordingError, read_tracks
@@ -100,6 +101,8 @@ def test_a_light_of_commonroad_is_shown_to_sensors(tmp_path):
     red, amber, green = SignalLightState.STOP, SignalLightState.CAUTION, SignalLightState.GO
     assert states == [*[red] * 3, *[amber] * 2, *[green] * 10, *[amber] * 3, *[red] * 2]
     assert {each.controlled_lanes for (each,) in found} == {(roads.lane_ids[governed],)}
+    part = make_log(read_tracks(folder), roads, 1.0, 2.0)  # a part's lights end with it
+    assert part.lights[:, 0] == pytest.approx([-3, -2, -1.7, 0.3, 0.5, 1.5, 1.8])
     files = built.traffic["recorded"]
     later = replace(files.recording, begin=2.0, latest=2.0)
     built.traffic["recorded"] = replace(files, recording=later)

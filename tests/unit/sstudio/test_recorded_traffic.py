@@ -118,7 +118,6 @@ def test_mona_west_is_played_as_it_was_recorded(west):
                 assert np.hypot(*(states.position[slot] - (made.x[row], made.y[row]))) < 0.01
                 compared += 1
         assert compared > 4700
-        assert not run.engine.sims["dropped"].any()
 
 
 def brake(west, mode, episodes):
