@@ -7,7 +7,41 @@
 vehicles begin with their kind. Its traffic "early" is the first two thirds. `compare` has all vehicles driven
 for 5 s along the paths that they were recorded on, again and again: by the policy of a run of `bc` that acts
 by `AlongPath`, by IDM with the zoo's parameters, at constant speed, and, for collisions and headways, as
-recorded. Until the 5 s begin vehicles drive as recorded.
+recorded. Until the 5 s begin vehicles drive as recorded. Intervals resample vehicles, each with all its
+scenes; with under 20 vehicles there is none.
+
+The table of docs/guide/recorded.md, with west and merge imported from MONA's files, and in west's scenario.py
+a traffic "early" with end=45, mode="log" before "recorded":
+
+    python -m perf.imitation simulate road
+    smarts-bench demonstrations road --traffic early --out road.parquet --action AlongPath \
+        --observation "{frames: 4, stacked: [car_following]}"
+    smarts-bench run road.yaml --out results
+    python -m perf.imitation compare road results/road/bc/road/recorded/seed_1
+
+and so with west, then
+
+    python -m perf.imitation compare west results/west/bc/west/recorded/seed_1 --begin 45 --end 60 --every 5
+    python -m perf.imitation compare merge results/west/bc/west/recorded/seed_1 --begin 0 --end 60 --every 5
+
+road.yaml; west.yaml has 1_000_000 agent steps and the settings that follow:
+
+    name: road
+    algorithms: [bc]
+    tasks: [{name: road, scenarios: [road]}]
+    traffic: [recorded]
+    seeds: [1]
+    environment:
+      agents: 1
+      action: AlongPath
+      vehicle_model: kinematic
+      observation: {frames: 4, stacked: [car_following]}
+    settings:
+      bc:
+        {data: road.parquet, hidden: [128, 128], noise: 0.0, updates: 500, lr: [[0, 1e-3], [15_000_000, 1e-4]]}
+    #   {data: west.parquet, hidden: [64, 64], noise: 0.05, updates: 200, lr: 5e-4}
+    budget: {agent_steps: 20_000_000}
+    evaluation: {validations: 0}
 """
 
 from __future__ import annotations
@@ -27,8 +61,10 @@ from numpy.typing import NDArray
 
 from algorithms.joint.batch import GroupView
 from algorithms.joint.spaces import to_env
+from benchmark.metrics.realism import LEAST_SCENES
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
+from benchmark.statistics.resampling import bootstrap_counts, bootstrap_interval
 from smarts.env.traffic_agents import TrafficAgents
 from smarts.geometry.boxes import boxes_overlap
 from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Own
@@ -37,6 +73,7 @@ from smarts.recordings.log import NAME, Log
 from smarts.recordings.reading import Source
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.streams import Purpose, stream
 from smarts.zoo.driving import Idm
 
 INTERVAL, TIME = 5, 0.5
@@ -126,7 +163,7 @@ class Scenes:
         return np.array([self.at(name, now + TIME)[2] for name in names]) + CATCHING_UP * late
 
     def play(self, act: Callable[[Any, NDArray], NDArray] | None, observation: Any) -> dict[str, Any]:
-        """Return displacements, collisions and headways of all vehicles.
+        """Return displacements by vehicle and scene, collisions and headways of all vehicles.
 
         Args:
             act: Decision and speeds -> accelerations; None: as recorded.
@@ -140,7 +177,7 @@ class Scenes:
             decision_interval=INTERVAL,
             drives=True,
         )
-        moved, collided, counted, headways = [], 0, 0, defaultdict(list)
+        moved, collided, counted, headways = defaultdict(list), 0, 0, defaultdict(list)
         for time in self.times:
             agents.reset(begin=time - BEFORE * TIME)
             followed: dict[str, list[float]] = {}
@@ -166,12 +203,13 @@ class Scenes:
                 if number >= BEFORE and act is not None:
                     actions = act(decision, speed)
                 agents.step(decision, actions[:, None])
-            moved += [np.mean(each) for each in followed.values() if each]
+            for name, each in followed.items():
+                moved[name] += [np.mean(each)] * bool(each)
             collided += len(touched & followed.keys())
             counted += len(followed)
         agents.close()
         return {
-            "moved": np.array(moved),
+            "moved": [each for each in moved.values() if each],
             "collided": collided / max(counted, 1),
             "count": counted,
             "headways": headways,
@@ -237,23 +275,22 @@ def compare(scenario: str, run: str, times: NDArray, traffic: str) -> None:
         "IDM": scenes.play(idm, ["surroundings"]),
         "bc": scenes.play(imitated, observation),
     }
-    print(f"{len(times)} scenes, {drivers['bc']['count']} vehicles, 5 s")
+    vehicles = len(drivers["bc"]["moved"])
+    print(f"{vehicles} vehicles, driven {drivers['bc']['count']} times for 5 s, from {len(times)} times on")
     print(
         f"{'driver':16}{'displacement [m]':>18}{'95%':>16}{'collided':>10}  headways [s]: quartiles by kind"
     )
-    draws = np.random.Generator(np.random.Philox(1))
     for name, found in drivers.items():
-        moved = found["moved"]
-        means = [draws.choice(moved, len(moved)).mean() for _ in range(1000)]
-        low, high = np.quantile(means, (0.025, 0.975))
+        sums, counts = np.array([(sum(each), len(each)) for each in found["moved"]]).T
+        drawn = bootstrap_counts(np.zeros(len(sums)), stream(0, Purpose.RESAMPLING))
+        low, high = bootstrap_interval(drawn @ sums / (drawn @ counts))
+        interval = f"[{low:.2f}, {high:.2f}]" if len(sums) >= LEAST_SCENES else "n/a"
         kinds = "; ".join(
             f"{kind} {', '.join(f'{q:.2f}' for q in np.quantile(each, (0.25, 0.5, 0.75)))} ({len(each)})"
             for kind, each in sorted(found["headways"].items())
             if len(each) > 9
         )
-        print(
-            f"{name:16}{moved.mean():18.3f}{f'[{low:.2f}, {high:.2f}]':>16}{found['collided']:10.3%}  {kinds}"
-        )
+        print(f"{name:16}{sums.sum() / counts.sum():18.3f}{interval:>16}{found['collided']:10.3%}  {kinds}")
 
 
 def main() -> None:
@@ -276,7 +313,8 @@ def main() -> None:
         simulate(given.folder, given.hours)
     else:
         first = max(given.begin, BEFORE * TIME)
-        times = np.arange(first, given.end - DECISIONS * TIME + 1e-6, given.every)
+        every = max(given.every, DECISIONS * TIME)  # scenes do not overlap
+        times = np.arange(first, given.end - DECISIONS * TIME + 1e-6, every)
         compare(given.scenario, given.run, times, given.traffic)
 
 

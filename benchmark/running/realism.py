@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,7 @@ def measure_realism(
     drivers = {
         "log": alone(lambda _, window, column, __: window.pose[None, :, column]),
         "constant speed": alone(recorded_windows.constant_speed),
+        "constant speed with noise": alone(partial(recorded_windows.noisy_speed, rollouts=rollouts)),
         "IDM on the path": alone(recorded_windows.idm),
         **{engine: together(engine) for engine in engines},
         **{

@@ -26,6 +26,7 @@ from smarts.recordings.log import Log
 from smarts.recordings.matching import lanes_of
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
+from smarts.types.streams import Purpose, stream
 from smarts.types.traffic import TrafficFiles
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
@@ -34,6 +35,8 @@ SECONDS = 5.0
 """Length of a window [s]."""
 INSTANTS = round(SECONDS / STEP) + 1
 _TIMES = STEP * np.arange(INSTANTS)
+NOISE = 0.3
+"""Standard deviation of random accelerations [m/s^2]."""
 _REACH = 100.0
 """IDM looks so far ahead [m]."""
 
@@ -77,6 +80,17 @@ def windows_of(log: Log, begin: float) -> Iterator[Window]:
 def constant_speed(log: Log, window: Window, column: int, roads: LaneGraph) -> Floats:
     """Return the poses of a vehicle that keeps its speed along its recorded path, shape (1, T, 4)."""
     return _along(log, window, column, lambda _, speed, __: speed)
+
+
+def noisy_speed(log: Log, window: Window, column: int, roads: LaneGraph, rollouts: int) -> Floats:
+    """Return those of accelerations that are drawn from N(0, 0.3 m/s^2) each 0.5 s, shape (R, T, 4)."""
+    draws = stream(0, Purpose.AGENTS, world=window.tracks[column], episode=round(window.begin / STEP))
+    drawn = STEP * np.repeat(draws.normal(0.0, NOISE, (rollouts, INSTANTS // 5)), 5, axis=1)
+
+    def drive(changes: Sequence[float]) -> Floats:
+        return _along(log, window, column, lambda _, speed, instant: max(0.0, speed + changes[instant]))
+
+    return np.concatenate([drive(each) for each in drawn.tolist()])
 
 
 def idm(log: Log, window: Window, column: int, roads: LaneGraph) -> Floats:

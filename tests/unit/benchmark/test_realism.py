@@ -9,7 +9,7 @@ import pytest
 import perf.recorded_brakes
 from benchmark.metrics.realism import BINS, LEAST_SCENES, Features, collides, log_likelihoods, realism
 from benchmark.running.realism import measure_realism
-from benchmark.running.recorded_windows import idm, play_engine, windows_of
+from benchmark.running.recorded_windows import idm, noisy_speed, play_engine, windows_of
 from smarts.recordings.log import Log, make_log
 from smarts.recordings.tracks import write_tracks
 from smarts.sstudio.build import build_scenario
@@ -80,7 +80,8 @@ def test_scenes_of_a_vehicle_follow_each_other():
     assert [each.begin for each in windows_of(log, 0.0)] == [0.0, 2.0, 5.0]
 
 
-def test_the_intelligent_driver_model_brakes_behind_a_slow_leader():
+def test_floors_by_hand():
+    """The intelligent driver model brakes behind a slow leader; random accelerations last for 0.5 s."""
     tracks = [straight("own", 0.0, 5.0, 0.0, 0.0, 10.0), straight("leader", 0.0, 5.0, 30.0, 0.0, 3.0)]
     roads = road(1, 400.0)
     log = make_log(tracks_of(tracks), roads)
@@ -89,6 +90,10 @@ def test_the_intelligent_driver_model_brakes_behind_a_slow_leader():
     pose = idm(log, window, own, roads)[0]
     assert (window.pose[:, leader, 0] - pose[:, 0]).min() > 5.0 + 2.0
     assert pose[-1, 3] < 6.0
+    speed = noisy_speed(log, window, own, roads, 400)[..., 3]
+    changes = (np.diff(speed) / 0.1).reshape(400, 10, 5)
+    assert np.ptp(changes, axis=2).max() < 1e-9
+    assert (changes.mean(), changes.std()) == (pytest.approx(0, abs=0.02), pytest.approx(0.3, abs=0.02))
 
 
 TRAINED = """
