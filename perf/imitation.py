@@ -36,10 +36,9 @@ road.yaml; west.yaml has 1_000_000 agent steps and the settings that follow:
       action: AlongPath
       vehicle_model: kinematic
       observation: {frames: 4, stacked: [car_following]}
-    settings:
-      bc:
-        {data: road.parquet, hidden: [128, 128], noise: 0.0, updates: 500, lr: [[0, 1e-3], [15_000_000, 1e-4]]}
-    #   {data: west.parquet, hidden: [64, 64], noise: 0.05, updates: 200, lr: 5e-4}
+    settings: {bc: {data: road.parquet, noise: 0.0, updates: 500, hidden: [128, 128],
+                    lr: [[0, 1e-3], [15_000_000, 1e-4]]}}
+    # settings: {bc: {data: west.parquet, noise: 0.05, updates: 200, lr: 5e-4}}
     budget: {agent_steps: 20_000_000}
     evaluation: {validations: 0}
 """
