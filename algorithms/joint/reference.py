@@ -45,7 +45,7 @@ class ReferencePolicy:
             if module is None or not _fits(module, policy):
                 problem = "has no checkpoint" if not made else f"has no policy that fits {group!r}"
                 remedy = "name a run of bc or ppo with the same observation and action, and `sharing: all`"
-                raise CheckpointError(problem, place=f"kl_to {run!r}", remedy=remedy)
+                raise CheckpointError(problem, place="kl_to", remedy=remedy)
             module.to(device).requires_grad_(False)
 
     def distribution(self, groups: Sequence[Group], views: Mapping[str, GroupView], head: Any) -> Any:

@@ -88,7 +88,7 @@ def import_recording(
             raise RecordingError(
                 f"only {share:.0%} of its positions lie on lanes of {map_file or 'its own map'}",
                 place=str(source.path),
-                remedy="give the map of this recording, in the same coordinates",
+                remedy="give the map of this recording, in the same coordinates; none if the file has one",
             )
         if map_source and map_source.kind in LEAST_ON_CUT_MAP:
             cut = [f"off the map: {1 - share:.0%} of the positions, which are left out"]
@@ -162,11 +162,12 @@ def _assumed_limits(source: MapSource | None) -> str:
 def _lines(tracks: Tracks, report: Report, changes: list[str], notes: MapNotes) -> list[str]:
     """Return the report, the gravest first."""
     facts = tracks.facts
-    loud = [f"{each.kind.upper()}: {each.text}" for each in report.findings if each.kind == NOT_TRAFFIC]
+    untrue = [each for each in report.findings if each.kind == NOT_TRAFFIC]
+    loud = [f"{each.kind.upper()}: {each.text}; so no scenario is written" for each in untrue]
     found = [f"found: {each.kind}: {each.text}" for each in report.findings if each.kind != NOT_TRAFFIC]
     lines = [*loud, f"{facts['name']} ({facts['source_format']}): {report.contents}"]
     if report.on_lanes is None:
-        lines.append("map: none, so no scenario is written: name it with --map FILE")
+        lines.append("map: none" + ", so no scenario is written: name it with --map FILE" * report.is_traffic)
     else:
         lines.append(f"map: {report.on_lanes:.2%} of the positions lie on its lanes")
     lines += [f"map: {note}" for note in (*notes.warnings, *notes.remarks)]
