@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -25,6 +26,7 @@ from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
+LOG = logging.getLogger("smarts")
 BRAKING = 4.5
 """A vehicle is not taken where its driver would brake harder [m/s^2]."""
 
@@ -38,7 +40,8 @@ class Recorded(TrafficEngine):
         owner: The engine's owner number.
 
     Attributes:
-        sims: Records of the simulations.
+        sims: Records of the simulations, among them how many vehicles were `held_back` by others in their
+            place and have entered late or never; the logger `smarts` says it when the episode is over.
     """
 
     def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
@@ -87,6 +90,8 @@ class Recorded(TrafficEngine):
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""
         for row, start in starts.items():
+            if count := int(self.sims["held_back"][row]):
+                LOG.info("recorded traffic: %d vehicles entered late or never, as others were there", count)
             recording: Any = start.traffic.recording  # as `Schedule` requires
             tracks, self._lights[row] = self._log(recording.log)
             self.sims[row] = np.zeros((), state.SIMULATION)

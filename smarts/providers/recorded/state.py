@@ -42,6 +42,7 @@ SIMULATION = np.dtype(
         ("reacts", np.bool_),
         ("limit", np.int32),
         ("is_full", np.bool_),
+        ("held_back", np.int32),
     ],
     align=True,
 )

@@ -183,7 +183,9 @@ def find_due(n: Recorded, b: int, rows: Ints, tracks: Ints, count: int) -> int:
         elif at_reset:
             # In the middle of its way it would later appear beside or before what has stood in its place.
             n.entry[b, track - sim.first] = _DONE
+            sim.held_back += 1
         else:
+            sim.held_back += n.entry[b, track - sim.first] != _DELAYED
             n.entry[b, track - sim.first] = _DELAYED
     return count
 

@@ -145,8 +145,8 @@ def test_vehicles_do_not_enter_onto_others(play):
     play.reset(play.log(tracks), agents=[(20.0, 0.0), (22.0, 3.2)])
     play.step(12)
     assert [play.state(each) is not None for each in ("late", "never", "twin", "twin2")] == [0, 0, 1, 0]
-    entry = play.engine._traffic.value.entry[0]
-    assert (entry == Entry.DELAYED).sum() == 3
+    sim, entry = play.engine.sims[0], play.engine._traffic.value.entry[0]
+    assert ((entry == Entry.DELAYED).sum(), sim["held_back"]) == (3, 3)
     play.world.registry.dismiss(0, 0)
     play.step()
     assert play.state("late")[0] == pytest.approx(23.0)
@@ -155,11 +155,15 @@ def test_vehicles_do_not_enter_onto_others(play):
     assert play.state("never") is None
 
 
-def test_vehicles_at_the_place_of_an_agent_at_the_begin_never_come(play):
+def test_vehicles_at_the_place_of_an_agent_at_the_begin_never_come(play, caplog):
     play.reset(play.log([straight("a", 0.0, 9.0, 0.0, 0.0, 10.0)]), begin=2.0, agents=[(21.0, 0.0)])
+    assert play.engine.sims["held_back"][0] == 1
     play.world.registry.dismiss(0, 0)
     play.step(5)
     assert play.state("a") is None
+    with caplog.at_level("INFO", "smarts"):
+        play.reset(play.log([straight("a", 0.0, 9.0, 0.0, 0.0, 10.0)]))
+    assert [each.args for each in caplog.records] == [(1,)]
 
 
 def dense(count=40):
