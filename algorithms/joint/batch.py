@@ -136,10 +136,8 @@ class JointView:
 
     def map(self, function) -> Self:
         """Apply a function to every tensor."""
-        return replace(self, **{name: _apply(getattr(self, name), function) for name in self._tensors()})
-
-    def _tensors(self) -> list[str]:
-        return [f.name for f in fields(self) if f.name not in ("spec", "length", "active")]
+        tensors = [f.name for f in fields(self) if f.name not in ("spec", "length", "active")]
+        return replace(self, **{name: _apply(getattr(self, name), function) for name in tensors})
 
     def view(self, group: Group) -> GroupView:
         """Return what a group's agents see."""

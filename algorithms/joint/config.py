@@ -165,11 +165,6 @@ class JointConfig(AlgorithmConfig):
         built = {"algorithm": self.algorithm, **self.module_settings(), "gru": self.gru}
         return {name: value for name, value in built.items() if name not in self.interchangeable}
 
-    @property
-    def whole_steps(self) -> int:
-        """Number of steps of which fragments are made: of a sequence, where policies have memory."""
-        return int(self.sequence_length) if self.gru else 1
-
     def carried(self, block: AgentBlock) -> dict[str, Box]:
         """Return the leaves that the sampler adds to the observations of a block's agents."""
         return {MEMORY: Box(-1.0, 1.0, (self.gru,), np.float32)} if self.gru else {}

@@ -298,12 +298,14 @@ class OnPolicyLearner(JointTorchLearner):
     ) -> OnPolicyBatch:
         """Return all transitions of the rollout, T*B rows or whole sequences, with scores (T, B, N)."""
         device, masks, rows = self._device, rollout.masks(), views[:-1].flat()
+        known = rollout.log_prob
+        log_prob = torch.zeros_like(targets) if known is None else to_tensor(known, device)
         batch = OnPolicyBatch(
             *rows.moments(),
             actions=tuple(to_tensor(a, device).flatten(0, 1) for a in rollout.actions),
             rewards=to_tensor(rollout.rewards, device).flatten(0, 1),
             bootstrap=to_tensor(masks.bootstrap, device).flatten(0, 1),
-            log_prob=self._log_prob(rollout, targets),
+            log_prob=log_prob.flatten(0, 1),
             advantages=advantages.flatten(0, 1),
             targets=torch.where(rows.alive, targets.flatten(0, 1), 0),
             fresh=to_tensor(masks.fresh[:-1], device).flatten(0, 1) if self.config.gru else None,
@@ -321,11 +323,6 @@ class OnPolicyLearner(JointTorchLearner):
                 spread = wanted.var()
                 share = torch.where(spread > 0, 1 - missed.var() / spread, 0)
                 self.log(group.id, "explained_variance", share)
-
-    def _log_prob(self, rollout: JointRollout, like: Tensor) -> Tensor:
-        if rollout.log_prob is None:
-            return torch.zeros_like(like).flatten(0, 1)
-        return to_tensor(rollout.log_prob, self._device).flatten(0, 1)
 
     def _scaled(self, advantages: Tensor, alive: Tensor) -> Tensor:
         """Standardise per policy network, over the active agents of the whole batch, before any minibatch."""

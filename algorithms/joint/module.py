@@ -26,10 +26,6 @@ def critic_of(group: Group) -> str:
     return f"{group.id}__critic"
 
 
-def _no_parts(self: ConfiguredModule) -> None:
-    """Return None: there is no encoder and body that the network is made of."""
-
-
 class ConfiguredModule(TorchRLModule):
     """A network that a `JointConfig` describes.
 
@@ -50,7 +46,7 @@ class ConfiguredModule(TorchRLModule):
         super().__init_subclass__(**kwargs)
         own = vars(cls)
         if ("policy" in own or "value" in own) and "feedforward_parts" not in own:
-            cls.feedforward_parts = _no_parts
+            cls.feedforward_parts = ConfiguredModule.feedforward_parts
 
     def feedforward_parts(self) -> tuple[Encoder, nn.Module] | None:
         """Return (encoder, body) if the network is just `body(encoder(...))`, so that it may be stacked."""

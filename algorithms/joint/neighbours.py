@@ -64,7 +64,9 @@ class Neighbourhood:
         if self.fixed is not None:
             links = self.fixed.to(alive.device)
         elif self._near is not None:
-            links = within(self._positions(self._near, observations, alive.dim()), self._near.radius)
+            leaves = [each[self._near.leaf].flatten(alive.dim()) for each in observations]
+            places = torch.cat([leaf[..., list(self._near.components)] for leaf in leaves], -2)
+            links = within(places.float(), self._near.radius)
         else:
             links = graph
         return links & others(alive) & alive.unsqueeze(-1)
@@ -72,11 +74,6 @@ class Neighbourhood:
     def of(self, view: JointView) -> Tensor:
         """Return the neighbours at the moments of a view."""
         return self(view.alive, view.graph, view.observations)
-
-    @staticmethod
-    def _positions(near: Near, observations: Sequence[Mapping[str, Tensor]], axes: int) -> Tensor:
-        parts = [leaves[near.leaf].flatten(axes)[..., list(near.components)] for leaves in observations]
-        return torch.cat(parts, -2).float()
 
 
 def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> Tensor:

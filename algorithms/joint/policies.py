@@ -14,7 +14,7 @@ from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
-from algorithms.parts.networks import Encoder, PlacedPerceptron, StackedPerceptrons
+from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
 
 
 class Policies:
@@ -54,16 +54,11 @@ class Policies:
         """Return one `SampledActions` per block for a view with leading axis (B,)."""
         with torch.inference_mode():
             if self._acts_jointly:
-                return self._act_jointly(view, exploration, generator)
+                modules, views = self._modules_and_views(view)
+                drawn = type(modules[0]).act_jointly(modules, views, exploration, generator)
+                fields = [self._concat_by_block(list(parts)) for parts in zip(*drawn, strict=True)]
+                return [SampledActions(*parts) for parts in zip(*fields, strict=True)]
             return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
-
-    def _act_jointly(
-        self, view: View, exploration: Exploration, generator: Generator
-    ) -> list[SampledActions]:
-        modules, views = self._modules_and_views(view)
-        drawn = type(modules[0]).act_jointly(modules, views, exploration, generator)
-        fields = [self._concat_by_block(list(parts)) for parts in zip(*drawn, strict=True)]
-        return [SampledActions(*parts) for parts in zip(*fields, strict=True)]
 
     def _modules_and_views(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
         """Return the networks of all groups, and what their agents see."""
@@ -122,20 +117,14 @@ class Policies:
         perceptrons = [body for _, body in parts if isinstance(body, nn.Sequential)]
         if len(perceptrons) < len(modules) or not StackedPerceptrons.fits(perceptrons):
             return None
-        if len(modules) > 1:
-            return _stack_single_agents([encoder for encoder, _ in parts], perceptrons, modules)
         encoder = parts[0][0]
-        return PlacedPerceptron(encoder, perceptrons[0]) if encoder.places else None
-
-
-def _stack_single_agents(
-    encoders: Sequence[Encoder], perceptrons: list[nn.Sequential], modules: Sequence[JointModule]
-) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
-    """Return the networks of single agents as one, where each flattens its observation and no more."""
-    if any(module.group.size > 1 for module in modules) or not all(each.is_plain for each in encoders):
-        return None
-    stacked = StackedPerceptrons(perceptrons)
-    return lambda leaves: stacked(encoders[0](leaves))
+        if len(modules) == 1:
+            return PlacedPerceptron(encoder, perceptrons[0]) if encoder.places else None
+        # Of single agents, each of which flattens its observation and no more.
+        if any(module.group.size > 1 for module in modules) or not all(each.is_plain for each, _ in parts):
+            return None
+        stacked = StackedPerceptrons(perceptrons)
+        return lambda leaves: stacked(encoder(leaves))
 
 
 def _group_view(group: Group, view: View) -> GroupView:

@@ -19,10 +19,10 @@ class JointReplay:
     """The last `capacity` joint transitions in which any agent acted.
 
     Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a
-    rollout is added, at the price of twice the memory. `nbytes` tells how much: 4 agents at the intersection,
-    203 numbers each, take 629 MiB for 100,000 transitions, 312 of them for next observations. To store them
-    once, rows would have to point to each other, across fragments of environments that may be restarted and
-    with extra rows for cuts, in a ring whose overwriting, restoring and priorities work on single rows.
+    rollout is added, at the price of twice the memory: 4 agents at the intersection, 203 numbers each, take
+    629 MiB for 100,000 transitions, 312 of them for next observations. To store them once, rows would have to
+    point to each other, across fragments of environments that may be restarted and with extra rows for cuts,
+    in a ring whose overwriting, restoring and priorities work on single rows.
 
     Args:
         spec: Agents and spaces.
@@ -45,11 +45,6 @@ class JointReplay:
 
     def __len__(self) -> int:
         return self._size
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the full buffer [bytes]."""
-        return sum(array.nbytes for array in self._arrays().values())
 
     def add(self, rollout: JointRollout) -> Ints:
         """Store the transitions of a rollout, oldest first; the oldest stored ones are overwritten.

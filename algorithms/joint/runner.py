@@ -335,7 +335,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         explore = self.config.explore if explore is None else explore
         with torch_threads(self.config.torch_threads):
             exploration = exploration._replace(explore=bool(explore))
-            rollout = sampler.fragment(steps, exploration, most, self.config.whole_steps)
+            multiple = int(self.config.sequence_length) if self.config.gru else 1  # of whole sequences
+            rollout = sampler.fragment(steps, exploration, most, multiple)
         self.num_env_steps_sampled_lifetime += rollout.env_steps()
         self._log(rollout, sampler.progress.failed_total - failures)
         ended = sampler.take_episodes()
@@ -357,7 +358,10 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def _play_listed(self, places: range, explore: bool | None = None) -> list[Episode]:
         """Play the episodes at these places of the evaluation list, and log their results."""
         indices = FIRST_VALIDATION_EPISODE + np.array(places)
-        explore = self._explores_in_evaluation() if explore is None else explore
+        if explore is None:
+            # Without a group for evaluation, RLlib evaluates on a training runner, by the training's config.
+            own = self.config if self.config.in_evaluation else self.config.get_evaluation_config_object()
+            explore = bool((own or self.config).explore)
         episodes = self.play(indices, explore=explore)
         self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
@@ -366,12 +370,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self._log_mean((GREEDY, EPISODE_RETURN_MEAN), [float(e.returns.sum()) for e in episodes])
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")
         return episodes
-
-    def _explores_in_evaluation(self) -> bool:
-        # Without a group for evaluation, RLlib evaluates on a training runner, which has the training's
-        # config.
-        own = self.config if self.config.in_evaluation else self.config.get_evaluation_config_object()
-        return bool((own or self.config).explore)
 
     def _log(self, rollout: JointRollout, failures: int) -> None:
         metrics, steps = self.metrics, rollout.env_steps()

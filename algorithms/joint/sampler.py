@@ -159,22 +159,17 @@ class Sampler:
         self.begin(indices[0] + spacing * np.arange(count), stride=spacing * count)
         finished: dict[int, Episode] = {}
         while (self.progress.episode_index <= last).any():
-            self._evaluate_step(last, exploration, on_step)
+            playing = np.where(self.progress.episode_index <= last, self.progress.episode_index, -1)
+            seen = self._now if on_step is None else _copied(self._now)
+            acting = self._act(seen, exploration)
+            actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
+            self._annotate(acting)
+            step = self._step(actions)
+            if on_step is not None:
+                given = tuple(chosen.distribution.numpy() for chosen in acting)
+                on_step(EvaluatedStep(playing, seen, given, actions, step))
             finished |= {episode.episode_index: episode for episode in self.take_episodes()}
         return [finished[index] for index in indices.tolist() if index in finished]
-
-    def _evaluate_step(
-        self, last: int, exploration: Exploration, on_step: Callable[[EvaluatedStep], None] | None
-    ) -> None:
-        playing = np.where(self.progress.episode_index <= last, self.progress.episode_index, -1)
-        seen = self._now if on_step is None else _copied(self._now)
-        acting = self._act(seen, exploration)
-        actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
-        self._annotate(acting)
-        step = self._step(actions)
-        if on_step is not None:
-            given = tuple(chosen.distribution.numpy() for chosen in acting)
-            on_step(EvaluatedStep(playing, seen, given, actions, step))
 
     def choose(self, exploration: Exploration) -> tuple[np.ndarray, ...]:
         """Return actions for where the environments stand, per block, in the environment's units."""

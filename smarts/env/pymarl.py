@@ -104,12 +104,8 @@ class PyMARLEnv(NotCopied):
         shares = {name: self._outcomes.count(outcome) / self.n_agents for name, outcome in _SHARES.items()}
         rewards = [float(by_agent[name]) for name in self.agents]
         extra = {"episode_limit": True} if limit else {}
-        return self.get_obs(), self._joined(rewards), over and not limit, limit, shares | extra
-
-    def _joined(self, rewards: list[float]) -> float | list[float]:
-        if not self._common_reward:
-            return rewards
-        return sum(rewards) / self._share
+        reward = sum(rewards) / self._share if self._common_reward else rewards
+        return self.get_obs(), reward, over and not limit, limit, shares | extra
 
     def _keep(self, observations: Mapping[str, Any], infos: Mapping[str, Any]) -> None:
         """Keep what the agents observe and may do; shorter vectors and masks end in zeros."""

@@ -54,7 +54,8 @@ def _lanes_along(roads: LaneGraph, corridor: Corridor, first: int, last: int) ->
     while True:
         onward = _onward(corridor, row)
         if not onward:
-            beside = [other for other in _rows_beside(corridor, row) if _onward(corridor, other)]
+            of_road = np.flatnonzero(corridor.group == corridor.group[row]).tolist()
+            beside = [other for other in of_road if _onward(corridor, other)]
             if not beside:
                 break
             row = min(beside, key=lambda other: abs(other - row))
@@ -70,10 +71,6 @@ def _lanes_along(roads: LaneGraph, corridor: Corridor, first: int, last: int) ->
 
 def _onward(corridor: Corridor, row: int) -> list[int]:
     return corridor.onward[corridor.onward_start[row] : corridor.onward_start[row + 1]].tolist()
-
-
-def _rows_beside(corridor: Corridor, row: int) -> list[int]:
-    return np.flatnonzero(corridor.group == corridor.group[row]).tolist()
 
 
 def _leg(roads: LaneGraph, lanes: list[int], low: float, high: float) -> list[Floats]:

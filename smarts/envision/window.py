@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from typing import Any, Protocol
+from typing import Any
 
 import PIL.Image
 
@@ -12,19 +12,7 @@ from smarts.envision.animation import Image
 from smarts.errors import SmartsError
 
 
-class Window(Protocol):
-    """Shows one picture after another in the same place."""
-
-    def show(self, image: Image) -> None:
-        """Show a picture in place of the last one."""
-        ...
-
-    def close(self) -> None:
-        """End."""
-        ...
-
-
-def window() -> Window:
+def window() -> NotebookOutput | PlotWindow:
     """Return a place to show pictures at.
 
     Raises:

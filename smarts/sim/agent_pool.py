@@ -29,17 +29,6 @@ class Hold(NamedTuple):
     """First step of the episode in which the agent has the column."""
 
 
-class _Cleared(NamedTuple):
-    """An array that is cleared with each hold."""
-
-    array: NDArray
-    """Shape (B, A, ...)."""
-    empty: list[Any]
-    """The value of each column of a fresh agent, by its place on the second axis."""
-    place: list[int]
-    """Index of each agent_id on the second axis, -1 for none."""
-
-
 class AgentPool:
     """The agents of each simulation's episode, and which column each of them holds.
 
@@ -91,7 +80,9 @@ class AgentPool:
         """The episode of each simulation."""
         self._names: list[set[str]] = [set() for _ in range(worlds)]
         self._column_of: list[dict[int, int]] = [{} for _ in range(worlds)]
-        self._cleared: list[_Cleared] = []
+        # Of each array that is cleared with a hold: the value of each column of a fresh agent, by its place
+        # on the second axis, and the place of each agent_id there, -1 for none.
+        self._cleared: list[tuple[NDArray, list[Any], list[int]]] = []
         state = world.state
         # `_hold` writes the whole mission.
         self.clear_with((*state.agents, *state.guidance))
@@ -114,7 +105,7 @@ class AgentPool:
         for array in arrays:
             if array.size:
                 empty = array[0].reshape(len(held), -1)[:, 0].tolist()
-                self._cleared.append(_Cleared(array, empty, place.tolist()))
+                self._cleared.append((array, empty, place.tolist()))
 
     def clear_readings_with(self, readings: Readings) -> None:
         """Clear sensors' readings, too, whenever a column is handed out."""

@@ -58,19 +58,16 @@ class NamedInterest:
         self, row: int, agent_id: int, criteria: InterestDoneCriteria, names: Mapping[int, str]
     ) -> bool:
         """Return whether no vehicle of interest to an agent is left; `names` are those of all, by slot."""
-        agents, patterns = self._world.agents, self._patterns(row, criteria)
+        agents, episode = self._world.agents, self._entries.episodes[row]
         own, number = int(agents.slot[row, agent_id]), agents.agent[row, agent_id]
+        marked = self._marked.get(episode.scenario, "") if episode else ""
+        is_added = criteria.include_scenario_marked and marked
+        patterns = (*criteria.actors_filter, *([marked] if is_added else ()))
         for slot, name in names.items():
             if slot != own and any(re.match(pattern, name) for pattern in patterns):
                 self._seen_by[row, agent_id] = number
                 return False
         return criteria.strict or bool(self._seen_by[row, agent_id] == number)
-
-    def _patterns(self, row: int, criteria: InterestDoneCriteria) -> tuple[str, ...]:
-        episode = self._entries.episodes[row]
-        marked = self._marked.get(episode.scenario, "") if episode else ""
-        is_added = criteria.include_scenario_marked and marked
-        return (*criteria.actors_filter, *([marked] if is_added else ()))
 
 
 def interest_of(

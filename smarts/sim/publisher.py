@@ -102,13 +102,11 @@ class EpisodePublisher:
         self._unsent = world.worlds - len(self._rows)
         _publishers.add(self)
         self._connect()
-        worlds, agents = world.agents.slot.shape
-        self._no_actions = Actions.allocate(worlds, agents)
+        self._no_actions = Actions.allocate(*world.agents.slot.shape)
         self._extras = PublishedExtras(len(self._rows))
         self._due = 0.0
         """Time from which on the next frame is sent [s]."""
-        capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
-        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, rows=0)
+        self._buffers = Buffers.allocate(world, rows=0)
         self._take = LateBound(take_frame, world.state, 0, np.inf, self._buffers)
 
     @property

@@ -158,8 +158,7 @@ class EpisodeRecorder:
         self._episodes: list[_Episode | None] = [None] * worlds
         self._unfinished: list[EpisodeWriter] = []
         self._no_actions = Actions.allocate(worlds, agents)
-        capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
-        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, everything=everything)
+        self._buffers = Buffers.allocate(world, everything=everything)
         keep, near = round(FOR_A_WHILE / world.dt), math.inf if everything else NEAR
         self._take = LateBound(take_frame, world.state, keep, near, self._buffers)
         self._program = version("smarts-bench")
@@ -255,10 +254,14 @@ class EpisodeRecorder:
 
     def _take_notes(self, row: int, episode: _Episode, is_busy: bool) -> None:
         """Note what is new in a simulation's step; `is_busy` if vehicles are new or a buffer is full."""
-        episode.steps = int(self._scene.world.step[row])
-        episode.overlaps = int(self._scene.world.traffic_overlaps[row])
-        self._take_routes(row, episode)
-        self._take_agents(row, episode)
+        world, notes, written = self._scene.world, episode.handovers, len(episode.routes)
+        episode.steps, episode.overlaps = int(world.step[row]), int(world.traffic_overlaps[row])
+        # The table of routes and the pool of agents are emptied before the episode is written.
+        episode.routes += [
+            world.routes.edges(row, number) for number in range(written, world.routes.count(row))
+        ]
+        episode.agents += self._pool.starts[row][len(episode.agents) :]
+        notes.take_holds(self._pool.holds[row][len(notes.holds) :])
         if is_busy:
             self._take_names(row, episode)
             self._flush(row, episode)
@@ -271,20 +274,6 @@ class EpisodeRecorder:
             rows.add(observation_notes(frame, row, seen, np.array(origin_of(episode.graph))))
         if rows.are_many:
             episode.writer.append(OBSERVATIONS.name, rows.taken())
-
-    def _take_routes(self, row: int, episode: _Episode) -> None:
-        """Note the routes that are new: the table is emptied before the episode is written."""
-        routes = self._scene.world.routes
-        for number in range(len(episode.routes), routes.count(row)):
-            episode.routes.append(routes.edges(row, number))
-
-    def _take_agents(self, row: int, episode: _Episode) -> None:
-        """Note the agents and the holds that are new: the pool forgets them before the episode is written."""
-        starts, holds, notes = self._pool.starts[row], self._pool.holds[row], episode.handovers
-        if len(starts) > len(episode.agents):
-            episode.agents += starts[len(episode.agents) :]
-        if len(holds) > len(notes.holds):
-            notes.take_holds(holds[len(notes.holds) :])
 
     def _take_handovers(self, frame: Frame) -> None:
         """Note the transfers, before the new holds, and which policies have failed."""

@@ -17,7 +17,7 @@ from smarts.types.agent_states import UNSET, AgentStates, AgentStatus
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
 from smarts.types.events import Contacts, Events
 from smarts.types.vehicles import VehicleStates
-from smarts.types.world import State
+from smarts.types.world import State, World
 
 NEAR = 150.0
 """Vehicles this near to an agent are recorded [m]."""
@@ -58,17 +58,10 @@ class Buffers(NamedTuple):
     """Step of each agent's newest decision, UNSET where it was taken, shape (B, A)."""
 
     @classmethod
-    def allocate(
-        cls,
-        worlds: int,
-        agents: int,
-        capacity: int,
-        lanes: int,
-        *,
-        rows: int = 4096,
-        everything: bool = False,
-    ) -> Buffers:
+    def allocate(cls, world: World, *, rows: int = 4096, everything: bool = False) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
+        worlds, agents = world.agents.slot.shape
+        capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
         # Where there are many vehicles, larger blocks take fewer bytes in the file.
         near = max(4 * rows if everything else rows, capacity) + capacity
         return cls(

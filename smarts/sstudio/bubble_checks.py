@@ -41,7 +41,12 @@ class BubbleChecks(Checks):
         if bubble.limit is not None:
             self.type(bubble.limit, t.BubbleLimits, f"{where}.limit")
             self.numbers(bubble.limit, f"{where}.limit", "hijack_limit", "shadow_limit", least=1)
-        self._bubble_conditions(bubble, where)
+        for name, known in (("active_condition", GENERAL), ("airlock_condition", GENERAL | _OF_VEHICLES)):
+            condition = getattr(bubble, name)
+            self.condition(condition, known, f"{where}.{name}", "bubbles")
+            for part in parts(condition):
+                if isinstance(part, t.VehicleTypeCondition):
+                    self.choice(part.vehicle_type, _KINDS, f"{where}.{name}.vehicle_type")
         if bubble.follow_actor_id is None and bubble.follow_vehicle_id is None:
             self.zone_on_map(area, roads, f"{where}.zone")  # an offset alone has no effect
 
@@ -63,14 +68,6 @@ class BubbleChecks(Checks):
         self.type(actor, (t.SocialAgentActor, t.TrafficEngineActor), where)
         if isinstance(actor, t.TrafficEngineActor):
             self.choice(actor.traffic_provider, (LOCAL_TRAFFIC, SUMO_TRAFFIC), f"{where}.traffic_provider")
-
-    def _bubble_conditions(self, bubble: t.Bubble, where: str) -> None:
-        for name, known in (("active_condition", GENERAL), ("airlock_condition", GENERAL | _OF_VEHICLES)):
-            condition = getattr(bubble, name)
-            self.condition(condition, known, f"{where}.{name}", "bubbles")
-            for part in parts(condition):
-                if isinstance(part, t.VehicleTypeCondition):
-                    self.choice(part.vehicle_type, _KINDS, f"{where}.{name}.vehicle_type")
 
     def condition(self, condition: t.Condition, known: t.ConditionRequires, where: str, users: str) -> None:
         """Require a condition on facts that its users, as errors name them, know."""

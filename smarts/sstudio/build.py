@@ -262,7 +262,9 @@ def _build_on(
     )
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
-    files = _sumo_files(description.scenario) + recording_files(description.scenario, directory)
+    variations = (description.scenario.traffic or {}).values()
+    files = [file for each in variations for file in (*each.route_files, *each.additional_files)]
+    files += recording_files(description.scenario, directory)
     traffic_files = _hashes(directory, files)
     key = digest([json.dumps(content), map_key, description.seed, _toolchain(), traffic_files], size=8)
     entry: dict[str, Any] = {"key": key}
@@ -284,12 +286,6 @@ def _build_on(
             inputs = _fingerprint_inputs(location, None)
         cache.write(inputs, entry)
     return BuiltScenario(location.label, directory, cache.root / key)
-
-
-def _sumo_files(scenario: Scenario) -> list[str]:
-    """Return SUMO's own files that a scenario's traffic names."""
-    variations = (scenario.traffic or {}).values()
-    return [file for each in variations for file in (*each.route_files, *each.additional_files)]
 
 
 def _describe(location: Location, seed: int | None) -> Description:
@@ -427,11 +423,6 @@ def _hashes(directory: Path, files: Iterable[str]) -> dict[str, Any]:
 @cache
 def _toolchain() -> str:
     """Return a hash of this program's code and libraries, which turn sources into artefacts."""
-    return fingerprint_program(PACKAGE)
-
-
-def fingerprint_program(package: Path) -> str:
-    """Return a hash of the code in `package` that builds scenarios, and of the versions of what it uses."""
-    code = sorted(file for part in CODE for file in [*(package / part).rglob("*.py"), package / part])
-    hashes = [(file.relative_to(package).as_posix(), file_hash(file)) for file in code]
+    code = sorted(file for part in CODE for file in [*(PACKAGE / part).rglob("*.py"), PACKAGE / part])
+    hashes = [(file.relative_to(PACKAGE).as_posix(), file_hash(file)) for file in code]
     return digest([[version(library) for library in LIBRARIES], hashes], size=8)

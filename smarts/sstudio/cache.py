@@ -103,19 +103,15 @@ class BuildCache:
             if not _KEY.fullmatch(folder.name) or not (folder / MANIFEST).is_file():
                 continue
             if time.time() - folder.stat().st_mtime > KEPT_DAYS * _DAY:
-                self._discard(folder)
+                away = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=self.root))  # atomically
+                folder.rename(away / folder.name)
+                shutil.rmtree(away, ignore_errors=True)
             else:
                 keys.add(folder.name)
         for file in (self.root / "index").glob("*.json"):
             entry = self.read(file.stem) or {}
             if "key" in entry and entry["key"] not in keys:
                 file.unlink(missing_ok=True)
-
-    def _discard(self, folder: Path) -> None:
-        """Delete artefacts atomically."""
-        away = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=self.root))
-        folder.rename(away / folder.name)
-        shutil.rmtree(away, ignore_errors=True)
 
     def read(self, entry: str) -> dict[str, Any] | None:
         """Return an entry of the index, None if it is missing or unreadable."""

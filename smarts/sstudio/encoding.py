@@ -12,7 +12,7 @@ import enum
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Set
 from pathlib import PurePath
 from typing import Any
 
@@ -84,14 +84,6 @@ def _encode_enum(value: enum.Enum, where: str) -> Json:
     return {ENUM: type(value).__name__, "value": name}
 
 
-def _encode_sequence(value: Sequence, where: str) -> Json:
-    return [encode(item, f"{where}[{index}]") for index, item in enumerate(value)]
-
-
-def _encode_set(value: Set, where: str) -> Json:
-    return {MEMBERS: sorted((encode(item, where) for item in value), key=_sort_key)}
-
-
 def _encode_mapping(value: Mapping, where: str) -> Json:
     arguments = getattr(value, "constructor_arguments", None)
     if arguments is not None:
@@ -148,6 +140,6 @@ _ENCODERS: tuple[tuple[Any, Callable[[Any, str], Json]], ...] = (
     (int | float, _encode_number),
     (PurePath, lambda value, where: value.as_posix()),
     (Mapping, _encode_mapping),
-    (list | tuple | range, _encode_sequence),
-    (Set, _encode_set),
+    (list | tuple | range, lambda value, where: [encode(x, f"{where}[{n}]") for n, x in enumerate(value)]),
+    (Set, lambda value, where: {MEMBERS: sorted((encode(item, where) for item in value), key=_sort_key)}),
 )

@@ -47,7 +47,9 @@ class Location:
     def builds(self) -> tuple[Path, ...]:
         """Folders for its artefacts: the best first, the others for where that one cannot be written."""
         beside = self.directory / "build"
-        apart = _cache_folder() / digest([str(self.directory), self.map_file], size=8)
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        name = digest([str(self.directory), self.map_file], size=8)
+        apart = caches / "smarts-bench" / "scenarios" / name
         # SUMO takes a comma in a path for the end of one path and the begin of the next.
         return tuple(root for root in ([apart] if self.map_file else [beside, apart]) if "," not in str(root))
 
@@ -120,8 +122,3 @@ def _unknown(text: str) -> UnknownNameError:
         )
         return UnknownNameError(f"there is no scenario folder {text!r}", remedy=remedy)
     return UnknownNameError(f"there is no scenario {text!r}", remedy=nearest_names(text, suite()))
-
-
-def _cache_folder() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "smarts-bench" / "scenarios"

@@ -44,7 +44,8 @@ def main(arguments: list[str]) -> None:
         answer = json.dumps(_describe(script, seed, wanted))
     except BaseException as error:
         # Even exceptions that end a process: the answer is the only way to report them.
-        said = error if isinstance(error, SmartsError) else _unexpected(error, script)
+        problem = f"writing it down failed: {type(error).__name__}: {error}"
+        said = error if isinstance(error, SmartsError) else ScenarioError(problem, place=str(script))
         reply = {"problem": said.problem, "place": said.place, "remedy": said.remedy}
         answer = json.dumps({"error": reply})
     with open(answer_file, "w", encoding="utf-8") as file:
@@ -52,11 +53,6 @@ def main(arguments: list[str]) -> None:
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
     os._exit(0)  # at once, whatever threads the file has left running
-
-
-def _unexpected(error: BaseException, script: Path) -> ScenarioError:
-    """Return an exception, such as the recursion of a list in itself, as an error of the file."""
-    return ScenarioError(f"writing it down failed: {type(error).__name__}: {error}", place=str(script))
 
 
 def _describe(script: Path, seed: int, wanted: str | None) -> Json:

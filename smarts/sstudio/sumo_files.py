@@ -119,7 +119,7 @@ def import_sumo(files: Sequence[Path], out: Path | None = None) -> tuple[Path, t
     out = Path(name) if out is None else out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ScenarioError("there is something already", place=str(out), remedy="choose another --out")
-    taken = {net: f"{MAP_STEM}{_net_suffix(net)}"}
+    taken = {net: f"{MAP_STEM}.net.xml{net.suffix if net.suffix == '.gz' else ''}"}
     for file in (*routes, *additional):
         plain = file.name if file.name not in taken.values() else f"{len(taken)}_{file.name}"
         taken.setdefault(file, plain)
@@ -150,10 +150,6 @@ def _traffic_text(name: str, routes: list[str], additional: list[str], options: 
         f"            route_files={routes!r},\n            additional_files={additional!r},\n"
         f"            sumo_options={options!r},\n        )\n    }}\n"
     )
-
-
-def _net_suffix(net: Path) -> str:
-    return ".net.xml.gz" if net.suffix == ".gz" else ".net.xml"
 
 
 def _sorted(files: Sequence[Path]) -> tuple[Path, list[Path], list[Path], dict[str, str]]:

@@ -71,12 +71,6 @@ def _element(tag: str, attributes: Mapping[str, Any], children: Iterable[Element
     return element
 
 
-def _common_name(flow: t.Flow) -> str:
-    """Return the name of a flow's drivers, "mixed" for several."""
-    names = {actor.name for actor in flow.actors}
-    return sumo_id(names.pop()) if len(names) == 1 else "mixed"
-
-
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -145,11 +139,15 @@ class _Writer:
     def _flows(self, flow: t.Flow, number: int) -> Iterable[Element]:
         """Return the flow once for each speed that its drivers depart with, which SUMO wants at the flow."""
         where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
-        name = f"{_common_name(flow)}-flow-{number}"
+        names = {actor.name for actor in flow.actors}
+        name = f"{sumo_id(names.pop()) if len(names) == 1 else 'mixed'}-flow-{number}"
         route, roads = self._resolved(flow.route, where), self._roads_for(flow.actors)
         edges = route_edges(roads, route, self._at(where))
         stops = [self._stop(stop) for stop in flow.stops]
         circuit = self._circuit(roads, edges, where) if flow.repeat_route else None
+        # Driven many times; SUMO repeats the stops that are part of it.
+        rounds = -(-ROUND_TRIP_EDGES // len(circuit)) if circuit else 1
+        repeat = {"repeat": rounds} if rounds > 1 else {}
         departing = sorted({actor.depart_speed for actor in flow.actors}, key=str)
         for speed in departing:
             actors = {actor: weight for actor, weight in flow.actors.items() if actor.depart_speed == speed}
@@ -159,7 +157,7 @@ class _Writer:
             attributes = {
                 "id": name if len(departing) == 1 else f"{name}-{_text(speed)}",
                 "type": self._mixture(actors),
-                "route": self._route(edges) if circuit is None else self._round_trip(circuit, stops),
+                "route": self._route(edges) if circuit is None else self._route(circuit, stops, **repeat),
                 "begin": flow.begin,
                 "end": flow.end,
                 **({"period": f"exp({rate / 3600:.10g})"} if flow.randomly_spaced else {"vehsPerHour": rate}),
@@ -243,11 +241,6 @@ class _Writer:
             return None
         # A route that ends on its first edge has come round already; the next round begins with that edge.
         return edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
-
-    def _round_trip(self, circuit: tuple[str, ...], stops: Sequence[Element]) -> str:
-        """Declare a route that is driven many times; SUMO repeats the stops that are part of it."""
-        rounds = -(-ROUND_TRIP_EDGES // len(circuit))
-        return self._route(circuit, stops, **({"repeat": rounds} if rounds > 1 else {}))
 
     def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:
         """Return SUMO's attributes for where and how vehicles depart and arrive."""

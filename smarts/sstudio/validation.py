@@ -72,7 +72,11 @@ class _Validation(TrafficChecks, BubbleChecks):
             self._social_agents(group, where)
         self._bubbles(scenario)
         for where, patch in self.each(scenario.friction_maps, t.RoadSurfacePatch, "friction_maps"):
-            self._patch(patch, where)
+            self.zone_on_map(self._zone(patch.zone, f"{where}.zone"), self.roads, f"{where}.zone")
+            self.numbers(patch, where, "friction_coefficient", least=LEAST)
+            self.numbers(patch, where, "begin_time", "end_time")
+            problem = f"{patch.end_time} is before begin_time, {patch.begin_time}"
+            self.require(patch.begin_time <= patch.end_time, f"{where}.end_time", problem, "exchange the two")
         if scenario.start_variation is not None:
             self.type(scenario.start_variation, t.StartVariation, "start_variation")
 
@@ -230,13 +234,6 @@ class _Validation(TrafficChecks, BubbleChecks):
             except SmartsError as error:
                 place = f"{error.place} of bubble {bubble.id!r}"
                 raise type(error)(error.problem, place=place, remedy=error.remedy) from error
-
-    def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
-        self.zone_on_map(self._zone(patch.zone, f"{where}.zone"), self.roads, f"{where}.zone")
-        self.numbers(patch, where, "friction_coefficient", least=LEAST)
-        self.numbers(patch, where, "begin_time", "end_time")
-        problem = f"{patch.end_time} is before begin_time, {patch.begin_time}"
-        self.require(patch.begin_time <= patch.end_time, f"{where}.end_time", problem, "exchange the two")
 
     def _zone(self, zone: t.Zone, where: str) -> BaseGeometry:
         """Require an area, and return it."""

@@ -57,8 +57,8 @@ def vehicle_types(actor: TrafficActor, generator: Generator) -> list[Attributes]
     One type is enough as long as SUMO can draw what varies. It cannot draw imperfection and gaps, nor
     wanted speeds that are not normally distributed; then several types sample them.
     """
-    drawn = _drawn_here(actor)
-    if not drawn:
+    is_speed_drawn = not isinstance(actor.speed, Distribution) and not is_constant(actor.speed)
+    if is_constant(actor.imperfection) and is_constant(actor.min_gap) and not is_speed_drawn:
         return [{"id": sumo_id(actor.id), **_attributes(actor, generator)}]
     return [
         {"id": f"{sumo_id(actor.id)}.{number}", **_attributes(actor, generator)} for number in range(SAMPLES)
@@ -81,11 +81,6 @@ def ignored_models(actor: TrafficActor) -> list[TrafficModel]:
     return [model for model in models if isinstance(model, SmartsLaneChangingModel | SmartsJunctionModel)]
 
 
-def _drawn_here(actor: TrafficActor) -> bool:
-    speed_drawn = not isinstance(actor.speed, Distribution) and not is_constant(actor.speed)
-    return speed_drawn or not is_constant(actor.imperfection) or not is_constant(actor.min_gap)
-
-
 def is_constant(distribution: AnyDistribution) -> bool:
     """Return whether a distribution has one value only."""
     if isinstance(distribution, Distribution):
@@ -96,6 +91,8 @@ def is_constant(distribution: AnyDistribution) -> bool:
 def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
     ignored = ignored_models(actor)
     is_slow = actor.vehicle_type == "bicycle" and actor.max_speed == TrafficActor.max_speed
+    # The original has two fields for one thing; the one that was changed counts.
+    imperfection = actor.sigma if actor.imperfection == HALFWAY else actor.imperfection.sample(generator)
     attributes: Attributes = {
         "vClass": actor.vehicle_type,
         "accel": actor.accel,
@@ -103,7 +100,7 @@ def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
         # SUMO warns at every start if it is below decel.
         "emergencyDecel": max(actor.emergency_decel, actor.decel),
         "tau": actor.tau,
-        "sigma": min(max(_imperfection(actor, generator), 0.0), 1.0),
+        "sigma": min(max(imperfection, 0.0), 1.0),
         "minGap": max(actor.min_gap.sample(generator), 0.0),
         "maxSpeed": BICYCLE_SPEED if is_slow else actor.max_speed,
         **_speed_factor(actor.speed, generator),
@@ -112,11 +109,6 @@ def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
     for model in (actor.lane_changing_model, actor.junction_model):
         attributes |= {} if model in ignored else dict(model)
     return attributes
-
-
-def _imperfection(actor: TrafficActor, generator: Generator) -> float:
-    # The original has two fields for one thing; the one that was changed counts.
-    return actor.sigma if actor.imperfection == HALFWAY else actor.imperfection.sample(generator)
 
 
 def _speed_factor(speed: AnyDistribution, generator: Generator) -> Attributes:

@@ -102,18 +102,7 @@ class Transfer(NamedTuple):
 
 
 TRANSFER = np.dtype(
-    [
-        ("row", np.int32),
-        ("slot", np.int32),
-        ("generation", np.int32),
-        ("from_owner", np.int8),
-        ("from_agent", np.int16),
-        ("to_owner", np.int8),
-        ("to_agent", np.int16),
-        ("reason", np.int8),
-        ("number", np.int32),
-        ("departure", np.int8),
-    ]
+    [*zip(Transfer._fields, ["i4", "i4", "i4", "i1", "i2", "i1", "i2", "i1", "i4", "i1"], strict=True)]
 )
 """A `Transfer` as a row of an array."""
 

@@ -140,12 +140,15 @@ class Driver(BatchAgent):
         """Return target speeds and lane changes, shape (N, 2)."""
         seen = Seen.of(obs)
         acceleration, change = self.decide(obs, seen)
+        speed = self.trimmed(obs, seen.speed, acceleration)
+        self._last.keep(obs, np.column_stack([seen.speed, speed]))
+        return np.column_stack([speed, change])
+
+    def trimmed(self, obs: ActionBatch, speed: Floats, acceleration: Floats) -> Floats:
+        """Return target speeds, less what the speed controller's integral adds."""
         last = self._last.of(obs)
-        is_new = self._last.is_new(obs)
-        acceleration -= np.where(is_new, 0.0, excess(seen.speed, last[:, 0], last[:, 1]))
-        actions = lane_actions(seen.speed, acceleration, change)
-        self._last.keep(obs, np.column_stack([seen.speed, actions[:, 0]]))
-        return actions
+        too_much = np.where(self._last.is_new(obs), 0.0, excess(speed, last[:, 0], last[:, 1]))
+        return target_speed(speed, acceleration - too_much)
 
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:
         """Return accelerations [m/s^2] and lane changes (1 left, -1 right, 0 none), shape (N,)."""
@@ -162,10 +165,14 @@ class Driver(BatchAgent):
             seen: What the drivers see.
             keeps_to_route: Whether they stop where their lane leaves the route, too.
         """
-        lane, desired = seen.lanes[:, 0], self.desired(seen)
-        found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
-        found = np.minimum(found, self.before_lines(seen, keeps_to_route=keeps_to_route))
+        leader = self._behind_leader(seen, seen.lanes[:, 0])
+        found = np.minimum(leader, self.before_lines(seen, keeps_to_route=keeps_to_route))
         return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+
+    def _behind_leader(self, seen: Seen, lane: Floats) -> Floats:
+        """Return accelerations behind the vehicles ahead in lanes, given by numbers as of `beside`."""
+        ahead, its_speed = lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
+        return self.model.acceleration(seen.speed, self.desired(seen), ahead, its_speed)
 
     def before_lines(self, seen: Seen, *, keeps_to_route: bool = True) -> Floats:
         """Return accelerations on a road without others, but for lines and ends of lanes; see `follow`."""
@@ -184,11 +191,9 @@ class Driver(BatchAgent):
 
         Of two vehicles side by side that want each other's lane, the rear one lets the other in.
         """
-        lane = beside(seen, self.demanded_side(seen))
-        behind = self.model.acceleration(
-            seen.speed, self.desired(seen), lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
-        )
-        falls_back = (self.demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
+        side = self.demanded_side(seen)
+        behind = self._behind_leader(seen, beside(seen, side))
+        falls_back = (side != 0) & (seen.speed > FALLING_BACK_SPEED)
         return np.where(falls_back, np.maximum(behind, -FALLING_BACK), HARDEST)
 
     def _stops_at_light(self, own: Floats) -> Bools:
@@ -219,9 +224,7 @@ class Driver(BatchAgent):
         """
         lane = beside(seen, side)
         own_speed, its_speed = seen.speed, lane[:, Lane.BEHIND_SPEED]
-        own_after = self.model.acceleration(
-            own_speed, self.desired(seen), lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
-        )
+        own_after = self._behind_leader(seen, lane)
         its_desired = np.maximum(lane[:, Lane.BEHIND_DESIRED], its_speed)
         its_after = self.model.acceleration(its_speed, its_desired, lane[:, Lane.BEHIND], own_speed)
         has_room = (lane[:, Lane.AHEAD] > LEAST_GAP) & (lane[:, Lane.BEHIND] > LEAST_GAP)
@@ -241,14 +244,6 @@ def excess(speed: Floats, last_speed: Floats, last_target: Floats) -> Floats:
     """
     asked = SPEED_GAIN * (last_target - 0.5 * (speed + last_speed))
     return np.clip((speed - last_speed) / STEP - asked, 0.0, ACCELERATION_TRIM)
-
-
-def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
-    """Return the actions `LaneWithContinuousSpeed` that accelerate vehicles, shape (N, 2)."""
-    actions = np.empty((len(speed), 2))
-    actions[:, 0] = target_speed(speed, acceleration)
-    actions[:, 1] = change
-    return actions
 
 
 def beside(seen: Seen, side: Ints) -> Floats:

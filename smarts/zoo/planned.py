@@ -36,7 +36,7 @@ from smarts.planners import PLANNERS, Limits, Neighbours, Planner, PlanStatus, a
 from smarts.planners.protocol import keep_last
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
-from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, excess, target_speed
+from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, target_speed
 from smarts.zoo.lane_frames import stretches, to_lane, to_map
 
 ROWS = 21
@@ -115,7 +115,7 @@ class PlannedDriver(Driver):
         failed = self._plan(obs, view, kept, begins)
         kept[failed & begins, _BUSY] = 0.0
         self.begun(obs, seen, np.where(begins & ~failed, change, 0).astype(np.int32))
-        speed = self._trimmed(obs, view.own[:, Own.SPEED], acceleration)
+        speed = self.trimmed(obs, view.own[:, Own.SPEED], acceleration)
         agility = agilities(view.own[:, Own.LENGTH])
         paths = lane_paths(view.ways[:, OWN], speed, agility)
         plans = plan_paths(kept[:, _PATH].reshape(-1, ROWS, 5))
@@ -197,12 +197,6 @@ class PlannedDriver(Driver):
         kept[rows, _PATH], kept[rows, _PLANNED] = path.reshape(len(rows), -1), obs.step[rows]
         failed[rows] = plans.status == PlanStatus.FAILED
         return failed
-
-    def _trimmed(self, obs: ActionBatch, speed: Floats, acceleration: Floats) -> Floats:
-        """Return target speeds, less what the speed controller's integral adds."""
-        last = self._last.of(obs)
-        too_much = np.where(self._last.is_new(obs), 0.0, excess(speed, last[:, 0], last[:, 1]))
-        return target_speed(speed, acceleration - too_much)
 
 
 class _View(NamedTuple):

@@ -68,9 +68,11 @@ class PositionalZone(Zone):
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the rectangle."""
-        from smarts.sstudio.sstypes.zone_geometry import rectangle
+        from smarts.sstudio.sstypes.zone_geometry import polygon
 
-        return rectangle(self.pos, self.size, self.rotation or 0.0)
+        (x, y), (along, across) = self.pos[:2], self.size
+        corners = (x - along / 2, y - across / 2), (x + along / 2, y + across / 2)
+        return polygon(corners, self.rotation or 0.0)
 
 
 @dataclass(frozen=True, eq=False)

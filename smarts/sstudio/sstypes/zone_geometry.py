@@ -17,13 +17,6 @@ SEAM = 0.3
 """Excess width of a lane's strip, so that neighbouring strips overlap [m]."""
 
 
-def rectangle(centre: tuple[float, float], size: tuple[float, float], rotation: float) -> Polygon:
-    """Return the rectangle of `size` [m] about `centre`, turned counter-clockwise by `rotation` [rad]."""
-    (x, y), (along, across) = centre[:2], size
-    upright = box(x - along / 2, y - across / 2, x + along / 2, y + across / 2)
-    return affinity.rotate(upright, rotation, origin="center", use_radians=True) if rotation else upright
-
-
 def polygon(corners: Sequence[tuple[float, float]], rotation: float) -> Polygon:
     """Return the polygon of the corners, or the rectangle that two corners span, turned about its middle."""
     flat = [corner[:2] for corner in corners]
