@@ -6,6 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
@@ -143,7 +144,7 @@ class JointAlgorithm(Algorithm):
         state[SIGNATURE] = self._signature()
         if self._check_component(SAMPLERS, components, not_components):
             states = self.env_runner_group.foreach_env_runner(
-                "sampler_state", local_env_runner=not self.config.num_env_runners
+                _sampler_state, local_env_runner=not self.config.num_env_runners
             )
             state[SAMPLERS] = {key: value for part in states for key, value in part.items()}
         return state
@@ -160,8 +161,7 @@ class JointAlgorithm(Algorithm):
         super().set_state(state)
         if state.get(SAMPLERS):
             self.env_runner_group.foreach_env_runner(
-                "set_state",
-                kwargs={"state": {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps(), SAMPLERS: state[SAMPLERS]}},
+                partial(_restore_sampler, samplers=state[SAMPLERS], steps=self._steps()),
                 local_env_runner=not self.config.num_env_runners,
                 timeout_seconds=self.config.sample_timeout_s,
             )
@@ -372,6 +372,14 @@ class JointAlgorithm(Algorithm):
     def _check_signature(self, stored: dict[str, Any] | None) -> None:
         if stored is not None:
             check_signature(stored, self._signature())
+
+
+def _sampler_state(runner: JointEnvRunner) -> dict[Any, Any]:
+    return runner.sampler_state()
+
+
+def _restore_sampler(runner: Any, samplers: dict[Any, Any], steps: int) -> None:
+    runner.set_state({NUM_ENV_STEPS_SAMPLED_LIFETIME: steps, SAMPLERS: samplers})
 
 
 def _stored_signature(file: Path) -> dict[str, Any] | None:

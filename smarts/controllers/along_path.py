@@ -37,6 +37,7 @@ class AlongPath:
         shape = scene.world.agents.slot.shape
         self._s, self._put = np.zeros(shape), np.full((*shape, 2), np.inf)
         """Where each vehicle is on its path [m], and where it was put in the last step."""
+        self.columns = self._s, self._put
         self._paths: dict[tuple[int, int], Floats] = {}
         """Path of each agent as points x, y, heading, arc length, by simulation and agent."""
 
