@@ -3,7 +3,6 @@
 import re
 
 import pandas as pd
-import yaml
 
 from benchmark.cli.experiments import show_metrics
 from benchmark.experiment.environment import Environment
@@ -63,22 +62,6 @@ def test_for_each_that_does_not_count_the_next_world_is_played(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {
         *("greedy-hand_made", "greedy-hand_made-2", "greedy-hand_made-3")
     }
-
-
-def test_a_report_shows_episodes_of_the_trainings_variations(tmp_path):
-    run = write_run(tmp_path, "ppo", [agent_episodes([["goal"]], mode="greedy")], task="loop")
-    config = yaml.safe_load((run / "config.yaml").read_text())
-    for part, end in (
-        ("greedy-loop", "GOAL"),
-        ("greedy-loop-2", "COLLISION"),
-        ("greedy-loop@dense", "OFF_ROAD"),
-    ):
-        drive = Drive(["road_0"], at_speed(5.0, 20, 10.0), agent="a", outcome=Outcome[end])
-        record(run / "episodes" / part, ROAD, [drive], name="w0", world=FIRST)
-    for scenario, shown in (("loop", ["best", "worst"]), ("loop@dense", ["best", "worst", "off road"])):
-        (run / "config.yaml").write_text(yaml.safe_dump(config | {"scenarios": [scenario]}))
-        text = write_report(tmp_path, episodes=True).with_suffix(".md").read_text()
-        assert re.findall(r"\[([a-z ]+):[^]]*\]\(episodes/", text) == shown
 
 
 def test_a_scripted_policy_gets_the_observation_that_it_reads(tmp_path):
