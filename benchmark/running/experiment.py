@@ -208,7 +208,7 @@ def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -
 def _check_spaces(experiment: Experiment) -> None:
     """Check that the algorithms fit the agents' spaces, where these depend on own code or differ.
 
-    A short episode is played and measured for it.
+    A short episode is played and measured for it, and some steps by own scripted policies.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
@@ -216,6 +216,10 @@ def _check_spaces(experiment: Experiment) -> None:
     """
     task_setting = task_settings_of(experiment)[0]
     is_mixed = isinstance(task_setting.environment.agents, dict)
+    if own_names(experiment.scripted):
+        from benchmark.running.trying import try_scripted
+
+        try_scripted(task_setting, experiment.scripted)
     if not is_mixed and not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
         return
     # Imported here, so that the driver's process loads the simulation only where it is played.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +20,15 @@ from benchmark.metrics import compute, measure_episodes
 from benchmark.metrics.table import COUNTS
 from benchmark.running.environments import environment
 from benchmark.running.importing import named_own_code
+from benchmark.running.testing import scripted_observation
+from benchmark.scripted.play import ScriptedDrivers
 from smarts.env.vector import VectorHiWayEnv
+from smarts.registry import import_own, is_own_name
 
 TRIED_STEPS = 30
 """Least steps of the episode."""
+TRIED_DECISIONS = 3
+"""Number of decisions that each scripted policy makes."""
 TRIED_EPISODES = 10
 """Most invalid episodes that are played."""
 
@@ -48,6 +54,30 @@ def try_own_code(task_setting: TaskSetting) -> Any:
     if metrics and table.attrs[COUNTS]["measured"]:
         compute(table, metrics=metrics)
     return env.spaces
+
+
+def try_scripted(task_setting: TaskSetting, policies: Iterable[str]) -> None:
+    """Play some steps of a task setting with each own scripted policy.
+
+    Raises:
+        SmartsError: The environment cannot be made or played, or a policy raises or returns no action; with
+            file and line of own code.
+    """
+    import_own(task_setting.imports)
+    task_setting = replace(task_setting, environment=_without_ray(task_setting.environment))
+    for policy in filter(is_own_name, policies):
+        observation = scripted_observation(task_setting, policy)
+        with (
+            named_own_code(f"the scripted policy {policy!r}"),
+            closing(environment(task_setting, num_envs=1, observation=observation, policy=policy)) as env,
+        ):
+            drivers = ScriptedDrivers(policy, env)
+            now = env.reset()
+            drivers.begin(np.ones(1, np.bool_))
+            for _ in range(TRIED_DECISIONS):
+                now = env.step(drivers.act(now, now.alive))
+                if now.reset.any() or now.failed:
+                    drivers.begin(np.ones(1, np.bool_))
 
 
 def _without_ray(environment: Environment) -> Environment:

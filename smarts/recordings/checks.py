@@ -128,7 +128,7 @@ def _begun_together(tracks: Tracks, pairs: _Pairs, dt: float) -> Iterator[Findin
     """Yield a finding if these are single tracks that were all moved to one time."""
     begin = np.round(tracks.t[tracks.start[:-1]] / dt).astype(int)
     frame, count = Counter(begin.tolist()).most_common(1)[0]
-    at_begin = (begin == frame) & (tracks.kind != VehicleKind.PEDESTRIAN)  # who walk in groups
+    at_begin = (begin == frame) & (tracks.kind != VehicleKind.PEDESTRIAN)  # pedestrians walk in groups
     over = {each for pair, first in pairs.items() if first == frame for each in pair if at_begin[each]}
     if count >= BEGIN_TOGETHER * len(tracks) and len(over) > OVERLAP_AT_BEGIN * count:
         yield Finding(

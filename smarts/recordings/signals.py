@@ -48,8 +48,8 @@ def way_across(roads: LaneGraph, lane: int) -> list[int]:
 def lights_of(signals: Floats, roads: LaneGraph) -> tuple[Floats, int]:
     """Return what lanes in junctions show, and how many of the ways with signals are such lanes.
 
-    Signals govern the ways from road to road that lead over both their positions, and of these those that
-    begin nearest to the first.
+    A signal governs a path through a junction, from road to road, that passes its stop position and its
+    position behind the junction; of several such paths, those that begin nearest to the stop position.
 
     Returns:
         Rows t [s], lane, `Signal` of each change, in order of time, shape (M, 3); and the number.

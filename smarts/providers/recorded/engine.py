@@ -66,7 +66,9 @@ class Recorded(TrafficEngine):
         self._points = cache(lambda path: self._traffic.value.paths.points(path))
         self._logs: dict[Path, tuple[range, Floats]] = {}
         self._lights: dict[int, Floats] = {}
-        """What is still to be shown in each simulation that has any."""
+        """What is still to be shown in each simulation."""
+        self._change = np.full(shape[0], np.inf)
+        """When the next light of each simulation changes, in the recording [s], shape (B,)."""
         self._lanes: dict[tuple[int, int], int] = {}
         """Path of each lane of each map, as far as known."""
         self._names: list[str] = []
@@ -111,7 +113,8 @@ class Recorded(TrafficEngine):
         for place in range(self._find_new(env_mask, rows, slots)):
             self._take(int(rows[place]), int(slots[place]))
         entering, leaving = self._step(env_mask, *self._found, *self._left)
-        for row in (row for row, lights in self._lights.items() if len(lights) and env_mask[row]):
+        now = self.sims["begin"] + self._world.step * self._world.dt
+        for row in np.flatnonzero(env_mask & (self._change <= now + stepping.SLACK)).tolist():
             self._show(row)
         for row, slot in self._left[:, :leaving].T.tolist():
             self._world.registry.dismiss(row, slot)
@@ -144,6 +147,7 @@ class Recorded(TrafficEngine):
         shown, self._lights[row] = np.split(
             self._lights[row], [np.searchsorted(self._lights[row][:, 0], now + stepping.SLACK)]
         )
+        self._change[row] = self._lights[row][0, 0] if len(self._lights[row]) else np.inf
         # Of changes of one lane the last one stays.
         self._world.signals[row, shown[:, 1].astype(int)] = shown[:, 2]
 

@@ -57,8 +57,9 @@ def read(source: Source) -> Tracks:
     origin = [root.get(name, "") for name in ("author", "affiliation", "source")]
     facts = {"name": root.get("benchmarkID", ""), "attribution": "; ".join(filter(None, origin))}
     end = max((each.samples[-1, 0] for each in tracks), default=0.0)
-    signals, ways = [np.zeros((0, 6))], _ways(root, read_lanelets(source.path))
-    for light in root.iterfind("trafficLight"):
+    signals, lights = [np.zeros((0, 6))], root.findall("trafficLight")
+    ways = _ways(root, read_lanelets(source.path)) if lights else {}
+    for light in lights:
         own = ways.get(light.get("id", ""), [])
         signals += [(t * dt, *way, state) for t, state in _phases(light, end / dt) for way in own]
         lost += ["traffic light"] * (not own)

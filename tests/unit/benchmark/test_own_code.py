@@ -302,9 +302,20 @@ def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     assert scheduler().is_done
 
 
-def test_own_code_is_tried_before_training(write, tmp_path):
-    code = METRIC.replace("episode.duration >= 1.0", "episode.no_such_field")
-    file = write("algorithms: [ppo]\nmetrics: ['own_e1:LONG']\n", own_e1=code)
-    with raises(OwnCodeError, "own_e1.py:7"):
+@pytest.mark.parametrize(
+    ("module", "experiment", "code", "line"),
+    [
+        (
+            "own_e1",
+            "metrics: ['own_e1:LONG']",
+            METRIC.replace("episode.duration >= 1.0", "episode.no_such_field"),
+            7,
+        ),
+        ("own_e2", "scripted: ['own_e2:Waits']", POLICY.replace("return 1", "return None"), 4),
+    ],
+)
+def test_own_code_is_tried_before_training(write, tmp_path, module, experiment, code, line):
+    file = write(f"algorithms: [ppo]\n{experiment}\n", **{module: code})
+    with raises(OwnCodeError, f"{module}.py:{line}"):
         run_experiment(read_experiment(file), tmp_path / "results")
     assert not (tmp_path / "results").exists()

@@ -1,4 +1,4 @@
-/** Where recordings come from: the page itself, the server it came from, or a file that the user drops. */
+/** Where recordings come from: the page itself, or the server it came from. */
 
 import { agentsOf, startsOf } from "./agents";
 import { readContainer } from "./container";
@@ -209,7 +209,6 @@ export async function listEpisodes(): Promise<Entry[]> {
   return list.map((each) => entryOf(text(each.id), each));
 }
 
-/** Opens files that the user chose. */
 export async function findLibrary(): Promise<Library> {
   const inside = await embedded();
   if (inside) return inside;
