@@ -64,6 +64,8 @@ def test_only_the_facts_that_are_needed_are_given(made):
     condition.requires = t.ConditionRequires.time
     assert ConditionRunner(made.world).is_active(0, 0, condition)
     assert set(condition.facts) == {"time"}
+    assert ConditionRunner(made.world).admits(0, 0, 0, condition, ROADS)
+    assert set(condition.facts) == {"time"}
 
 
 def test_clocks_are_apart_by_simulation_bubble_and_vehicle(made):

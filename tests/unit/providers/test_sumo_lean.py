@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smarts.geometry.boxes import box_gaps
-from smarts.providers.sumo_lean import find_slow, most_lean
+from smarts.providers.sumo_lean import LaneLines, find_slow, most_lean, straighten
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from smarts.types.vehicles import VehicleStates
@@ -43,6 +43,26 @@ def overlapping(states: VehicleStates) -> set[tuple[int, int]]:
 )
 def test_a_tail_stays_within_its_room(length, width, room, lean):
     assert most_lean(length, width, room) == pytest.approx(lean)
+
+
+@pytest.mark.parametrize(("front", "is_turned"), [(15.0, True), (35.0, True), (4.0, False)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_tail_is_turned_to_where_it_leaves_the_other_lane(front, is_turned, side):
+    """The lane goes 20 m along x and then turns 30 degrees to the left; its vehicles stand in its middle."""
+    bend = math.radians(30.0)
+    xy = np.array([[0.0, 0.0], [20.0, 0.0], [20.0 + 30.0 * math.cos(bend), 30.0 * math.sin(bend)]])
+    of_lane = np.array([1.6 * 2.0]), np.array([0], np.int32), np.array([0], np.int32), np.array([False])
+    lines = LaneLines(xy, np.array([0.0, 20.0, 50.0]), np.array([0, 3], np.int32), *of_lane)
+    heading = bend * (front > 20.0)
+    place = xy[0] + [front, 0.0] if front < 20.0 else xy[1] + (front - 20.0) * np.array([math.cos(bend), 0.5])
+    states, turned = VehicleStates.allocate(1), np.zeros(1)
+    states.length[:], states.width[:] = 5.0, 2.0
+    lean = side * math.radians(40.0)
+    values = np.array([*place, 90.0 - math.degrees(heading + lean), 0.0])
+    straighten(states, turned, lines, np.array([0]), values, np.array([0]), np.array([0], np.int32))
+    most = most_lean(5.0, 2.0, 1.6 + 0.4) if is_turned else abs(lean)
+    assert values[2] == pytest.approx(90.0 - math.degrees(heading + side * most), abs=0.1)
+    assert turned[0] == pytest.approx(math.degrees(side * (abs(lean) - most)), abs=0.1)
 
 
 def test_traffic_does_not_drive_through_a_vehicle_that_has_changed_lanes_while_it_stood():
