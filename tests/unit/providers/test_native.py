@@ -219,6 +219,30 @@ def test_vehicles_are_placed_where_a_search_finds_them():
     assert count > 5000
 
 
+@pytest.mark.parametrize("begin", [-40.0, -20.0, None])
+def test_a_driver_that_turns_left_gives_way_to_an_agent(tmp_path, begin):
+    """The agent comes up the other road at 12 m/s, from `begin` [m] on, or stands far away."""
+    source, trip = Path(scenarios.__file__).parent / "intersection", LEFT_TURN.strip().splitlines()[0]
+    mission = '("south_in", 0, 20), ("north_out", 0, 50)'
+    (tmp_path / "scenario.py").write_text(MEETING.format(source=source, trips=trip, mission=mission))
+    case = Case(build_scenario(tmp_path), Native, worlds=1)
+    case.reset(row_0=case.start(traffic="few"))
+    slot = case.put(0, case.roads.lane_number("south_in", 0), 1.0)
+    vehicles, x, slowest = case.vehicles, case.vehicles.position[0, slot, 0], np.inf
+    for step in range(170):
+        if begin is not None:
+            vehicles.position[0, slot], vehicles.speed[0, slot] = (x, begin - 60.0 + 1.2 * step), 12.0
+        case.step()
+        own = case.owned(0)
+        slowest = min(slowest, vehicles.speed[0, own].min(initial=np.inf))
+        if begin is not None and vehicles.position[0, slot, 1] < -7.0:
+            assert (vehicles.position[0, own, 0] < -12.0).all(), (
+                "it waits at its line until the agent is past"
+            )
+    assert not len(case.owned(0)), "it has left"
+    assert slowest == pytest.approx(6.4 if begin is None else 0.0, abs=0.1)
+
+
 @pytest.mark.parametrize("beyond", [-30.0, -1.0, 1.5])
 def test_drivers_stop_behind_a_vehicle_of_an_agent_also_across_lane_ends(beyond):
     case = Case(build_scenario("two_way"), Native, worlds=1)
