@@ -75,25 +75,9 @@ def _shapes_of(block: AgentBlock, count: int) -> dict[str, tuple[int, ...]]:
 
 
 def among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
-    """Return a step in which the other agents are absent, and all that they see is zero."""
-    observations, first = [], 0
-    for leaves in now.observations:
-        count = next(iter(leaves.values())).shape[1]
-        own = agents[first : first + count]
-        observations.append({name: _zero_where(array, ~own) for name, array in leaves.items()})
-        first += count
-    return now._replace(
-        observations=tuple(observations),
-        **{name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")},
-    )
-
-
-def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
-    if not columns.any():
-        return array
-    kept = array.copy()
-    kept[:, columns] = 0
-    return kept
+    """Return a step in which the other agents are absent: nobody's action depends on what they see."""
+    ended = {name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")}
+    return now._replace(**ended)
 
 
 def mask_in(name: str, *given: Any) -> NDArray[np.bool_]:

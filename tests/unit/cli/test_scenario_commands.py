@@ -1,10 +1,13 @@
 """`smarts-bench scenario ...` as a user meets it."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from benchmark.cli import main
 
@@ -103,6 +106,19 @@ def test_run_counts_vehicles_and_draws(smarts_bench, tiny):
     # 1,200 vehicles an hour for 30 s: ten departures, the last ones still under way.
     assert "10 at most" in result.stdout
     assert out.read_bytes().startswith(b"\x89PNG")
+
+
+def test_show_draws_several_scenarios_on_a_sheet(smarts_bench, tiny):
+    """Each in its half, cropped to its mission's route, which is 10 times as long as it is wide."""
+    out, other = tiny / "sheet.png", shutil.copytree(tiny, tiny.with_name("other"))
+    assert smarts_bench("scenario", "show", tiny, other, "--out", out).returncode == 0
+    red, green, blue = np.moveaxis(imread(out)[..., :3], 2, 0)
+    is_route = (red > green + 0.3) & (red > blue + 0.3)
+    is_route[int(0.75 * len(red)) :] = False  # the legend
+    for half in np.split(is_route, 2, axis=1):
+        rows, columns = (np.flatnonzero(half.any(axis=axis)) for axis in (1, 0))
+        assert np.ptp(columns) > 0.9 * half.shape[1]
+        assert np.ptp(rows) == pytest.approx(0.1 * np.ptp(columns), rel=0.25)
 
 
 def test_show_draws_a_scenario(smarts_bench, tiny):
