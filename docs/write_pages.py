@@ -87,7 +87,7 @@ REFERENCE = {
     "state": (
         "State",
         "The arrays that parts read and write, one row per vehicle or agent "
-        "([the step](../develop/step.md) says which stage writes which). Letters: B simulations, V vehicle "
+        "([the step](../develop/a_step.md) says which stage writes which). Letters: B simulations, V vehicle "
         "slots, A agents, L lanes of all maps, P points of their centrelines. `VehicleStates.lane` counts "
         "within a map: its row of `Roads` is `lane_base[map of the simulation] + lane`.",
         STATE,

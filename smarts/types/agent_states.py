@@ -54,7 +54,7 @@ _UNSET_WHEN_EMPTY = (
 class AgentStates(NamedTuple):
     """The agents of B simulations, shape (B, A): the egos first, then the agents of the pool.
 
-    docs/develop/step.md says which stage writes which column. An agent without a vehicle has slot -1. Columns
+    docs/develop/a_step.md says which stage writes which column. An agent without a vehicle has slot -1. Columns
     keep their values after the agent's end until another agent holds them or the simulation is reset.
     """
 
