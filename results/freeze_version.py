@@ -15,15 +15,19 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import yaml
 
+from benchmark.experiment import version
 from benchmark.experiment.config import read_experiment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.models import Experiment
 from benchmark.experiment.runs import runs_of
-from benchmark.experiment.version import ALL, FILE, SETTINGS, TUNING, frozen_text, settings_digest
+from benchmark.experiment.version import ALL, SETTINGS, TUNING, settings_digest
 from benchmark.running.played import scenarios_by_traffic
 from smarts.errors import SmartsError
 
@@ -74,6 +78,49 @@ def tuning_of(sweep: Path) -> dict[str, Any]:
     return {"results": sweep.as_posix(), "algorithms": found}
 
 
+def frozen_text(
+    number: int,
+    played: version.Played,
+    environment: Environment,
+    *,
+    training: Mapping[str, Any] | None = None,
+    tasks: Mapping[str, Mapping[str, Any]] = {},
+    replaces: bool = False,
+) -> str:
+    """Return the content of versions.yaml with the present code, scenarios and settings as a version.
+
+    Args:
+        number: Version to freeze.
+        played: Digests of what is played.
+        environment: Its settings.
+        training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, `SETTINGS`,
+            and if it is known, `TUNING`; without it, nothing of trainings is prescribed.
+        tasks: Lists of the tasks that are more than one scenario, by their names.
+        replaces: Whether the version may be there already.
+
+    Raises:
+        SmartsError: It is.
+    """
+    file = version.FILE
+    known = (yaml.safe_load(file.read_text(encoding="utf-8")) if file.exists() else None) or {}
+    if number in known and not replaces:
+        raise SmartsError(
+            f"version {number} is frozen already, and results may be of it",
+            place=str(file),
+            remedy=f"freeze version {max(known) + 1}, or give --replace if there are no results of it",
+        )
+    frozen: dict[str, Any] = {
+        **version.code_digests(),
+        version.SCENARIOS: {traffic: version.by_split(digests) for traffic, digests in played.items()},
+        version.ENVIRONMENT: environment.content(),
+    }
+    if tasks:
+        frozen[version.TASKS] = {name: settings_digest(lists) for name, lists in tasks.items()}
+    if training is not None:
+        frozen[version.TRAINING] = {part: dict(given) for part, given in training.items()}
+    return yaml.safe_dump({**known, number: frozen})
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Freeze a version of the benchmark.")
@@ -98,8 +145,8 @@ def main() -> None:
         text = frozen_text(given.version, played, environment, **parts, replaces=given.replace)
     except SmartsError as error:
         parser.exit(1, f"error: {error}\n")
-    FILE.write_text(text)
-    print(f"wrote {FILE}")
+    version.FILE.write_text(text)
+    print(f"wrote {version.FILE}")
 
 
 if __name__ == "__main__":

@@ -12,14 +12,14 @@ from benchmark.experiment import version
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.models import Evaluation, TrainingTask
 from benchmark.experiment.runs import TaskSetting
-from benchmark.experiment.version import code_digests, frozen_text
+from benchmark.experiment.version import code_digests
 from benchmark.results.files import write_json
 from benchmark.results.release import MANIFEST
 from benchmark.running.played import scenario_digests
 from benchmark.running.submissions import submitted
 from benchmark.running.verifying import verify
 from smarts_agent_kit.weights import file_digest
-from tests.hand_made_results import ALONE
+from tests.hand_made_results import ALONE, script
 
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=2.0)
 
@@ -36,7 +36,11 @@ def freeze(tmp_path_factory, monkeypatch):
     file = tmp_path_factory.mktemp("version") / "versions.yaml"
     monkeypatch.setattr(version, "FILE", file)
     version.versions.cache_clear()
-    file.write_text(frozen_text(1, {ALONE: scenario_digests(task_setting(held_out=1))}, ENVIRONMENT))
+    file.write_text(
+        script("freeze_version").frozen_text(
+            1, {ALONE: scenario_digests(task_setting(held_out=1))}, ENVIRONMENT
+        )
+    )
     yield file
     version.versions.cache_clear()
 

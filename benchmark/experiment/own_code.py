@@ -45,19 +45,20 @@ def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
 
 def own_names(part: Any) -> list[str]:
     """Return each `module:Class` in a part of a config once, sorted."""
-    return _names(part, is_own_name)
+    return names_in(part, is_own_name)
 
 
 def code_names(part: Any) -> list[str]:
     """Return each `module:Class`, and each agent `module:name-v0`, in a part of a config once, sorted."""
-    return _names(part, lambda name: is_own_name(name) or _AGENT.fullmatch(name) is not None)
+    return names_in(part, lambda name: is_own_name(name) or _AGENT.fullmatch(name) is not None)
 
 
-def _names(part: Any, wanted: Callable[[str], bool]) -> list[str]:
+def names_in(part: Any, wanted: Callable[[str], bool]) -> list[str]:
+    """Return each text that is wanted, at any depth of dicts and lists, once, sorted."""
     if isinstance(part, dict):
         part = [*part, *part.values()]
     if isinstance(part, list | tuple):
-        return sorted({name for each in part for name in _names(each, wanted)})
+        return sorted({name for each in part for name in names_in(each, wanted)})
     return [part] if isinstance(part, str) and wanted(part) else []
 
 

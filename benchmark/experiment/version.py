@@ -22,7 +22,7 @@ import yaml
 
 from benchmark.experiment.environment import Environment
 from smarts.config import ConfigError, fitted
-from smarts.errors import SmartsError, shown
+from smarts.errors import shown
 
 FILE = Path(__file__).with_name("versions.yaml")
 """Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, with one of all maps of a family's
@@ -110,12 +110,12 @@ def changed_scenarios(version: int, played: Played) -> list[str]:
     return [
         f"{name}, {traffic}"
         for traffic, digests in played.items()
-        for name, digest in _by_split(digests).items()
+        for name, digest in by_split(digests).items()
         if frozen.get(traffic, {}).get(name) != digest
     ]
 
 
-def _by_split(digests: Mapping[str, str]) -> dict[str, str]:
+def by_split(digests: Mapping[str, str]) -> dict[str, str]:
     """Return digests with one for all maps of a family's split, as "intersections@test-*"."""
     found: dict[str, list[str]] = {}
     for name in sorted(digests):
@@ -233,42 +233,3 @@ def tuning(version: int | None) -> dict[str, Any]:
     """
     frozen = versions().get(version, {}) if version is not None else {}
     return frozen.get(TRAINING, {}).get(TUNING, {})
-
-
-def frozen_text(
-    version: int,
-    played: Played,
-    environment: Environment,
-    *,
-    training: Mapping[str, Any] | None = None,
-    tasks: Mapping[str, Mapping[str, Any]] = {},
-    replaces: bool = False,
-) -> str:
-    """Return the content of `FILE` with the present code, scenarios and settings as a version.
-
-    Args:
-        version: Version to freeze.
-        played: Digests of what is played.
-        environment: Its settings.
-        training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, `SETTINGS`,
-            and if it is known, `TUNING`; without it, nothing of trainings is prescribed.
-        tasks: Lists of the tasks that are more than one scenario, by their names.
-        replaces: Whether the version may be there already.
-
-    Raises:
-        SmartsError: It is.
-    """
-    known = (yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else None) or {}
-    if version in known and not replaces:
-        raise SmartsError(
-            f"version {version} is frozen already, and results may be of it",
-            place=str(FILE),
-            remedy=f"freeze version {max(known) + 1}, or give --replace if there are no results of it",
-        )
-    scenarios = {traffic: _by_split(digests) for traffic, digests in played.items()}
-    frozen = {**code_digests(), SCENARIOS: scenarios, ENVIRONMENT: environment.content()}
-    if tasks:
-        frozen[TASKS] = {name: settings_digest(lists) for name, lists in tasks.items()}
-    if training is not None:
-        frozen[TRAINING] = {part: dict(given) for part, given in training.items()}
-    return yaml.safe_dump({**known, version: frozen})

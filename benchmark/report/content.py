@@ -26,6 +26,7 @@ from benchmark.report.protocol import engine_marks, protocol_of, unlike_runs
 from benchmark.report.ranking import (
     CONDITION,
     RANKED_BY,
+    UNRANKED,
     Standing,
     differences,
     of_condition,
@@ -242,7 +243,7 @@ class Report:
         completion = self.value(name, task, traffic, mode, "completion_rate")
         theirs = self.printed(name, task, traffic)
         ours = self._figures(name, task, traffic, mode)
-        standing = standings.get(name)
+        standing = standings.get(name, UNRANKED)
         comparison = compare_with(theirs, *ours) if ours else None
         return TableCell(
             task,
@@ -252,8 +253,8 @@ class Report:
             theirs,
             comparison,
             tuple(self._reasons((name, task, traffic), mode, theirs, comparison)),
-            standing.rank if standing else None,
-            standing is not None and standing.is_tied,
+            standing.rank,
+            standing.is_tied,
             self.marks.get((name, task, traffic), ""),
             self.other_steps.get((name, task, traffic)),
         )

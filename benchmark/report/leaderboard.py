@@ -24,7 +24,7 @@ from benchmark.report.protocol import (
     differing_trainings,
     protocol_of,
 )
-from benchmark.report.ranking import RANKED_BY, Standing, differences, of_condition, ranks
+from benchmark.report.ranking import RANKED_BY, UNRANKED, Standing, differences, of_condition, ranks
 from benchmark.report.values import MODES, Value, by_key, measure_conditions
 from benchmark.report.wording import COMPARED
 from benchmark.results.files import read_json, write_whole
@@ -240,14 +240,14 @@ def _places(
         apart = scripted | {entry for entry, policies in known.items() if not may_be_ranked(policies)}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
         standings = ranks(of_condition(differing, task, traffic), ranked) if len(ranked) > 1 else {}
-        for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
+        for entry in sorted(rates, key=lambda each: _order(standings.get(each, UNRANKED), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             kind = SUBMITTED if known[entry] else paradigm_of(algorithm, entry in scripted)
-            standing = standings.get(entry)
+            standing = standings.get(entry, UNRANKED)
             place = Place(
                 *(letter, task, traffic, experiment, algorithm, kind),
-                standing.rank if standing else None,
-                standing is not None and standing.is_tied,
+                standing.rank,
+                standing.is_tied,
                 *rates[entry],
                 own=tuple(rows[entry][len(RANKED_BY) :]),
                 status=max((each.status for each in known[entry]), key=STATUSES.index, default=""),
@@ -257,9 +257,9 @@ def _places(
     return places
 
 
-def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:
+def _order(standing: Standing, figures: Sequence[Value]) -> tuple[float, float, float]:
     completion, collision = (value.value if value.is_known else 0.0 for value in figures)
-    return standing.rank if standing else float("inf"), -completion, collision
+    return standing.rank or float("inf"), -completion, collision
 
 
 def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:
@@ -307,18 +307,12 @@ def leaderboard_page(board: Leaderboard) -> str:
     places = board.places
     return fill(
         "leaderboard.html.j2",
-        mode=board.mode,
+        **vars(board),
         compared=COMPARED,
-        problems=board.problems,
-        protocols=list(board.protocols.items()),
-        engines=board.engines,
-        places=places,
-        summaries=board.summaries,
         letters=[(letter, letter) for letter in board.protocols],
         tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
         traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
-        submitted=board.submitted,
         has_status=any(place.status for place in places),
         rates=[METRICS[name] for name in RANKED_BY],
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],

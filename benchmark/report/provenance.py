@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import timedelta
 from typing import Any
 
 from benchmark.experiment.runs import OWN_CODE, START
@@ -58,9 +59,7 @@ def _row(run: RunResult) -> list[str]:
 
 def duration(seconds: float) -> str:
     """Return a time in hours, minutes and seconds."""
-    hours, rest = divmod(round(seconds), 3600)
-    minutes, left = divmod(rest, 60)
-    return f"{hours}:{minutes:02}:{left:02}"
+    return str(timedelta(seconds=round(seconds)))
 
 
 def circumstances(results: Results) -> list[tuple[str, list[str]]]:

@@ -32,9 +32,13 @@ COLUMNS = (
 class Standing:
     """Standing of an entry in a condition."""
 
-    rank: int
+    rank: int | None
+    """None without another one to compare it with."""
     is_tied: bool
     """Whether one of the same rank is neither better nor worse."""
+
+
+UNRANKED = Standing(None, is_tied=False)
 
 
 def differences(

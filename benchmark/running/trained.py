@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
+from benchmark.experiment.own_code import names_in
 from benchmark.experiment.values import FolderName
 from benchmark.results.release import Training
 from smarts.config import ConfigError, Section, fitted
@@ -52,7 +53,7 @@ def trained_on(path: Path) -> Trained:
         raise SmartsError(
             f"does not say what the policy was trained on: {error}", place=str(path), remedy="export it again"
         ) from error
-    if foreign := [*own_names([content.get("observation"), trained.environment])]:
+    if foreign := names_in([content.get("observation"), trained.environment], _is_foreign):
         raise SmartsError(
             f"names code or files of its author: {shown(foreign[0])}",
             place=str(path / CONTENT),
@@ -61,18 +62,9 @@ def trained_on(path: Path) -> Trained:
     return trained
 
 
-def own_names(values: Any) -> Iterator[str]:
-    """Yield texts, at any depth, that may name code or files: "module:Class", "folder/file"."""
-    if isinstance(values, str):
-        if not values.startswith(PROJECT) and any(each in values for each in ":/\\"):
-            yield values
-    elif isinstance(values, Mapping):
-        for name, each in values.items():
-            yield from own_names(name)
-            yield from own_names(each)
-    elif isinstance(values, list | tuple):
-        for each in values:
-            yield from own_names(each)
+def _is_foreign(text: str) -> bool:
+    """Return whether a text may name code or files: "module:Class", "folder/file"."""
+    return not text.startswith(PROJECT) and any(each in text for each in ":/\\")
 
 
 def check_suite(trained: Trained, path: Path) -> None:

@@ -16,7 +16,6 @@ from benchmark.experiment.version import (
     changed_settings,
     changed_task,
     code_digests,
-    frozen_text,
 )
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
@@ -34,6 +33,7 @@ from tests.hand_made_results import ALONE, agent_episodes, script, write_experim
 from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
+frozen_text = script("freeze_version").frozen_text
 CONFIG = """
 algorithms: [ppo]
 tasks: [loop]
