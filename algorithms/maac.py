@@ -25,9 +25,9 @@ from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch, encode
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
-from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import Group, JointSpec, action_size
-from algorithms.maddpg import PolicyNetwork
+from algorithms.maddpg import ActorModule
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.networks import Encoder, perceptron
@@ -35,22 +35,8 @@ from algorithms.parts.networks import Encoder, perceptron
 CRITIC = "attention__critic"
 
 
-class MAACModule(JointModule):
-    """A policy and its target."""
-
-    targets = ("target_actor",)
-
-    def make_networks(self) -> None:
-        """Create the policy."""
-        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
-
-    def policy(self, view: GroupView) -> Tensor:
-        """Return logits (M, n, A)."""
-        return self.actor(view.observations)
-
-    def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
-        """Return encoder and body, for stacked acting."""
-        return self.actor.encoder, self.actor.body
+class MAACModule(ActorModule):
+    """A policy and its target, which actions are drawn from."""
 
     def distribution(self, view: GroupView, *, target: bool = False) -> CategoricalDistribution:
         """Return the policy or the target policy."""

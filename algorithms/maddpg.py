@@ -31,8 +31,8 @@ from algorithms.parts.networks import Encoder, outputs_where, perceptron
 from algorithms.parts.relaxation import straight_through_gumbel
 
 
-class PolicyNetwork(nn.Module):
-    """Policy outputs (..., n, P) of observation leaves."""
+class ObservationNetwork(nn.Module):
+    """Outputs (..., n, P) of a group's observation leaves."""
 
     def __init__(self, group: Group, hidden: tuple[int, ...], outputs: int) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class PolicyNetwork(nn.Module):
         self.body = perceptron([self.encoder.size, *hidden, outputs], nn.ReLU)
 
     def forward(self, leaves) -> Tensor:
-        """Return logits, or actions before tanh."""
+        """Return the outputs."""
         return self.body(self.encoder(leaves))
 
     def of_active(self, view: GroupView) -> Tensor:
@@ -48,19 +48,14 @@ class PolicyNetwork(nn.Module):
         return outputs_where(view.alive, self.encoder, self.body, view.observations)
 
 
-class MADDPGModule(JointModule):
-    """A policy and its target, with samples that gradients flow through."""
+class ActorModule(JointModule):
+    """A policy and its target."""
 
     targets = ("target_actor",)
 
-    def make_head(self) -> Head:
-        """Sample discrete actions; continuous ones are deterministic with noise."""
-        space = self.group.action
-        return CategoricalHead(space) if isinstance(space, Discrete) else DeterministicHead(space)
-
     def make_networks(self) -> None:
         """Create the policy."""
-        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
+        self.actor = ObservationNetwork(self.group, self.settings["hidden"], self.head.outputs)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return logits, or actions before tanh, (M, n, P)."""
@@ -69,6 +64,15 @@ class MADDPGModule(JointModule):
     def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
         """Return encoder and body, for stacked acting."""
         return self.actor.encoder, self.actor.body
+
+
+class MADDPGModule(ActorModule):
+    """A policy and its target, with samples that gradients flow through."""
+
+    def make_head(self) -> Head:
+        """Sample discrete actions; continuous ones are deterministic with noise."""
+        space = self.group.action
+        return CategoricalHead(space) if isinstance(space, Discrete) else DeterministicHead(space)
 
     def relax(self, outputs: Tensor, view: GroupView, generator: Generator) -> Tensor:
         """Return actions (M, n, A) as critics see them, with gradient; zeros for the absent."""

@@ -15,6 +15,8 @@ paper's gradient without the noise of sampling that action; an entropy bonus.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from gymnasium.spaces import Box
 from torch import Tensor
@@ -26,7 +28,8 @@ from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.neighbours import Neighbourhood
 from algorithms.maac import MAACModule, of_actions
-from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
+from algorithms.maddpg import ObservationNetwork
+from algorithms.mf_q import MeanFieldConfig, mean_actions
 
 
 class MeanFieldCritic(LearnerModule):
@@ -38,7 +41,7 @@ class MeanFieldCritic(LearnerModule):
         """Create the critic."""
         actions = common_actions(self.spec.spaces)
         seen = {**self.group.observation, MEAN_ACTION: Box(0.0, 1.0, (actions,))}
-        self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], actions)
+        self.q = ObservationNetwork(replace(self.group, observation=seen), self.settings["hidden"], actions)
 
 
 class MeanFieldACLearner(OffPolicyLearner):

@@ -28,7 +28,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import torch
-from gymnasium.spaces import Box
 from torch import Tensor, nn
 
 from algorithms.errors import SpaceError
@@ -42,22 +41,10 @@ from algorithms.joint.module import JointModule
 from algorithms.joint.neighbours import Neighbourhood
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.maac import of_actions
+from algorithms.maddpg import ObservationNetwork
 from algorithms.parts.communication import mean_over
 from algorithms.parts.distributions import BoltzmannHead, Head
-from algorithms.parts.networks import Encoder, perceptron
-
-
-class MeanFieldQ(nn.Module):
-    """Q(o, ., m) of observation leaves, one of which is the mean action: (..., n, A)."""
-
-    def __init__(self, group: Group, observation: Mapping[str, Box], hidden: tuple[int, ...], actions: int):
-        super().__init__()
-        self.encoder = Encoder(observation, group.places, group.set_width)
-        self.body = perceptron([self.encoder.size, *hidden, actions], nn.ReLU)
-
-    def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
-        """Return the values of all own actions."""
-        return self.body(self.encoder(leaves))
+from algorithms.parts.networks import Encoder
 
 
 class MeanFieldQModule(JointModule):
@@ -70,9 +57,8 @@ class MeanFieldQModule(JointModule):
         return BoltzmannHead(self.group.action, self.settings["temperature"])  # type: ignore[arg-type]
 
     def make_networks(self) -> None:
-        """Create the Q network."""
-        seen, outputs = self.group.observation, self.head.outputs
-        self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], outputs)
+        """Create Q(o, ., m) of the observations, one of which is the mean action."""
+        self.q = ObservationNetwork(self.group, self.settings["hidden"], self.head.outputs)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return Q values (M, n, A) for the mean action of the step before, which is among the leaves."""

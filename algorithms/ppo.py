@@ -13,6 +13,7 @@ recurrence of their own but read the policies' stored memory beside the observat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +28,7 @@ from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.reference import ReferencePolicy
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group
-from algorithms.joint.stacking import StackedGroups, stack_groups
+from algorithms.joint.stacking import Plain, StackedGroups, stack_groups
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, outputs_where, perceptron
 
@@ -110,7 +111,8 @@ class PPOLearner(OnPolicyLearner):
             own = batch.part(stack.whole)
             count = self.parallel.count(stack.counts(own.alive))
             head = self.net(stack.groups[0].id).head
-            policy = head.distribution(self._outputs(stack, own), own.action_mask)
+            outputs = self._outputs(stack, own, self._plain_policy, self.net(stack.groups[0].id).policy)
+            policy = head.distribution(outputs, own.action_mask)
             # The ratio of inactive agents may overflow, and masking it afterwards leaves NaN as its gradient.
             log_prob = torch.where(own.alive, policy.log_prob(own.actions), own.log_prob)
             loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
@@ -179,21 +181,19 @@ class PPOLearner(OnPolicyLearner):
             if group in present:
                 self.log(group.id, name, mean)
 
-    def _outputs(self, stack: StackedGroups, view: GroupView) -> Tensor:
-        if stack.is_stacked:
-            return stack.outputs(view, self._plain_policy)
-        if plain := self._plain_policy(stack.whole):
-            encoder, body = plain
-            return outputs_where(view.alive, encoder, body, view.observations)
-        return self.net(stack.whole.id).policy(view)
-
     def _scaled_values(self, stack: StackedGroups, view: GroupView) -> Tensor:
+        critic = self.net(critic_of(stack.groups[0]))
+        return self._outputs(stack, view, self._plain_value, lambda v: critic.value(v)[..., None]).squeeze(-1)
+
+    @staticmethod
+    def _outputs(
+        stack: StackedGroups, view: GroupView, plain: Plain, whole: Callable[[GroupView], Tensor]
+    ) -> Tensor:
+        """Return outputs (M, n, P): of plain networks in few steps, of any other as `whole` gives them."""
         if stack.is_stacked:
-            return stack.outputs(view, self._plain_value).squeeze(-1)
-        if plain := self._plain_value(stack.whole):
-            encoder, body = plain
-            return outputs_where(view.alive, encoder, body, view.observations).squeeze(-1)
-        return self.net(critic_of(stack.whole)).value(view)
+            return stack.outputs(view, plain)
+        parts = plain(stack.whole)
+        return outputs_where(view.alive, *parts, view.observations) if parts else whole(view)
 
 
 class PPOConfig(JointConfig):

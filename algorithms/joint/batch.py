@@ -98,8 +98,7 @@ class JointView:
     @classmethod
     def of(cls, spec: JointSpec, view: View, device: torch.device | str = "cpu") -> Self:
         """Return the view as tensors; shares memory with the arrays on the CPU."""
-        arrays = view.observations, view.alive, view.masks, view.state, view.graph
-        return cls(spec, *map_arrays(partial(to_tensor, device=device), arrays))
+        return cls(spec, *map_arrays(partial(to_tensor, device=device), view.arrays()))
 
     def moments(self) -> tuple[Any, ...]:
         """Return what a batch of these moments begins with."""

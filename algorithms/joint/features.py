@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -86,15 +86,11 @@ class WithMeanActions:
         self._means[list(failures)] = 0
         return self._shown(step)
 
-    @property
-    def annotate(self) -> Callable[..., None] | None:
-        """The method by which the environment records action distributions, or None."""
-        return getattr(self._env, "annotate", None)
-
-    @property
-    def worlds(self) -> Ints | None:
-        """World that each environment plays, shape (B,), or None where they do not say."""
-        return getattr(self._env, "worlds", None)
+    def __getattr__(self, name: str) -> Any:
+        """Return what the environment may have beside: `annotate`, `worlds`."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._env, name)
 
     @property
     def name(self) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from algorithms.joint.batch import JointView, ReplayBatch
-from algorithms.joint.env import Ints
+from algorithms.joint.batch import JointView, ReplayBatch, to_tensor
+from algorithms.joint.env import Ints, map_arrays
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import stored_actions
 from algorithms.joint.spec import JointSpec
@@ -35,12 +36,14 @@ class JointReplay:
         self.capacity, self.length = capacity, length
         self._spec = spec
         agents = len(spec.agents)
-        self._now = View.empty(spec.spaces, capacity)
-        self._next = View.empty(spec.spaces, capacity)
-        self._actions = tuple(stored_actions(b.action, (capacity, len(b.agents))) for b in spec.spaces.blocks)
-        self._rewards = np.zeros((capacity, agents), np.float32)
-        self._bootstrap = np.zeros((capacity, agents), bool)
-        self._fresh = np.zeros((capacity, agents), bool)
+        self._kept: dict[str, Any] = {
+            "now": View.empty(spec.spaces, capacity).arrays(),
+            "next": View.empty(spec.spaces, capacity).arrays(),
+            "actions": tuple(stored_actions(b.action, (capacity, len(b.agents))) for b in spec.spaces.blocks),
+            "rewards": np.zeros((capacity, agents), np.float32),
+            "bootstrap": np.zeros((capacity, agents), bool),
+            "fresh": np.zeros((capacity, agents), bool),
+        }
         self._size = self._place = 0
 
     def __len__(self) -> int:
@@ -55,23 +58,27 @@ class JointReplay:
         t, b = self._cut(rollout)
         t, b = t[-self.capacity :], b[-self.capacity :]
         masks = rollout.masks()
-        following = rollout.views[t + 1, b]
+        following = rollout.views[t + 1, b].arrays()
         # Row t + 1 of an environment that was reset is another episode: no agent is active after a
         # terminal step.
-        for array in _view_arrays("", following).values():
-            array[rollout.reset[t, b]] = 0
-        _overwrite(following, rollout, t, b)
+        ended = np.flatnonzero(rollout.reset[t, b])
+        _write(following, ended, map_arrays(lambda array: np.zeros_like(array[ended]), following))
+        # Where the trajectory was cut, its final row is the next one.
+        numbers = np.full(rollout.reset.shape, -1)
+        numbers[tuple(rollout.final_at.T)] = np.arange(len(rollout.final_at))
+        final = numbers[t, b]
+        cut = np.flatnonzero(final >= 0)
+        _write(following, cut, rollout.final[final[cut]].arrays())
         rows = (self._place + np.arange(len(t))) % self.capacity
-        incoming = _arrays(
-            rollout.views[t, b],
-            following,
-            tuple(actions[t, b] for actions in rollout.actions),
-            rollout.rewards[t, b],
-            masks.bootstrap[t, b],
-            masks.fresh[t, b],
-        )
-        for name, array in self._arrays().items():
-            array[rows] = incoming[name]
+        incoming = {
+            "now": rollout.views[t, b].arrays(),
+            "next": following,
+            "actions": tuple(actions[t, b] for actions in rollout.actions),
+            "rewards": rollout.rewards[t, b],
+            "bootstrap": masks.bootstrap[t, b],
+            "fresh": masks.fresh[t, b],
+        }
+        _write(self._kept, rows, incoming)
         self._place = (self._place + len(t)) % self.capacity
         self._size = min(self._size + len(t), self.capacity)
         return rows
@@ -94,30 +101,30 @@ class JointReplay:
 
     def batch(self, rows: Ints, device: torch.device | str, weights: Tensor | None = None) -> ReplayBatch:
         """Return the transitions at the given places."""
-        now = JointView.of(self._spec, self._now[rows], device)
+        kept = map_arrays(lambda array: array[rows], self._kept)
+        now, following = (JointView.of(self._spec, View(*kept[name]), device) for name in ("now", "next"))
         return ReplayBatch(
             *now.moments(),
-            actions=tuple(torch.from_numpy(actions[rows]).to(device) for actions in self._actions),
-            rewards=torch.from_numpy(self._rewards[rows]).to(device),
-            bootstrap=torch.from_numpy(self._bootstrap[rows]).to(device),
-            next=JointView.of(self._spec, self._next[rows], device),
+            actions=map_arrays(partial(to_tensor, device=device), kept["actions"]),
+            rewards=to_tensor(kept["rewards"], device),
+            bootstrap=to_tensor(kept["bootstrap"], device),
+            next=following,
             rows=torch.from_numpy(rows).to(device),
             weights=weights,
-            fresh=torch.from_numpy(self._fresh[rows]).to(device) if self.length > 1 else None,
+            fresh=to_tensor(kept["fresh"], device) if self.length > 1 else None,
             length=self.length,
         )
 
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the stored transitions."""
-        arrays = {name: array[: self._size].copy() for name, array in self._arrays().items()}
-        where = {"size": self._size, "place": self._place, "capacity": self.capacity}
-        return {"arrays": arrays, **where}
+        arrays = map_arrays(lambda array: array[: self._size].copy(), self._kept)
+        return {"arrays": arrays, "size": self._size, "place": self._place, "capacity": self.capacity}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore what `get_state` gave; with another capacity, the newest transitions that fit."""
         rows = self._restored(state)
-        for name, array in self._arrays().items():
-            array[: len(rows)] = state["arrays"][name][rows]
+        stored = map_arrays(lambda array: array[rows], state["arrays"])
+        _write(self._kept, np.arange(len(rows)), stored)
         self._size = len(rows)
         same = state["capacity"] == self.capacity
         self._place = state["place"] if same else self._size % self.capacity
@@ -129,48 +136,11 @@ class JointReplay:
             return rows
         return np.roll(rows, -state["place"])[-self.capacity :]
 
-    def _arrays(self) -> dict[str, np.ndarray]:
-        return _arrays(self._now, self._next, self._actions, self._rewards, self._bootstrap, self._fresh)
 
+def _write(arrays: Any, rows: Ints, given: Any) -> None:
+    """Write rows of the arrays of nested tuples and dicts, given by those at equal places."""
 
-def _overwrite(following: View, rollout: JointRollout, t: np.ndarray, b: np.ndarray) -> None:
-    """Put final rows in the place of next rows that belong to other trajectories."""
-    place = {at: k for k, at in enumerate(map(tuple, rollout.final_at.tolist()))}
-    pairs = [
-        (row, place[at]) for row, at in enumerate(zip(t.tolist(), b.tolist(), strict=True)) if at in place
-    ]
-    if not pairs:
-        return
-    rows, finals = (list(column) for column in zip(*pairs, strict=True))
-    target, source = _view_arrays("", following), _view_arrays("", rollout.final)
-    for name, array in target.items():
-        array[rows] = source[name][finals]
+    def write(array: np.ndarray, part: np.ndarray) -> None:
+        array[rows] = part
 
-
-def _view_arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
-    arrays = {
-        f"{prefix}observations/{k}/{name}": leaf
-        for k, leaves in enumerate(view.observations)
-        for name, leaf in leaves.items()
-    }
-    arrays[f"{prefix}alive"] = view.alive
-    arrays |= {f"{prefix}masks/{k}": mask for k, mask in enumerate(view.masks) if mask is not None}
-    if view.state is not None:
-        arrays[f"{prefix}state"] = view.state
-    if view.graph is not None:
-        arrays[f"{prefix}graph"] = view.graph
-    return arrays
-
-
-def _arrays(
-    now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray, fresh: np.ndarray
-) -> dict[str, np.ndarray]:
-    acted = {f"actions/{k}": part for k, part in enumerate(actions)}
-    return {
-        **_view_arrays("now/", now),
-        **_view_arrays("next/", following),
-        **acted,
-        "rewards": rewards,
-        "bootstrap": bootstrap,
-        "fresh": fresh,
-    }
+    map_arrays(write, arrays, given)

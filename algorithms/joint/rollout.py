@@ -71,9 +71,10 @@ class View:
         )
 
     def __getitem__(self, index) -> View:
-        return View(*map_arrays(lambda array: array[index], self._arrays()))
+        return View(*map_arrays(lambda array: array[index], self.arrays()))
 
-    def _arrays(self) -> tuple[Any, ...]:
+    def arrays(self) -> tuple[Any, ...]:
+        """Return the arrays in the order of the fields."""
         return self.observations, self.alive, self.masks, self.state, self.graph
 
     def write(self, index, seen: JointStep | FinalStep | View) -> None:
@@ -95,7 +96,7 @@ class View:
         """Join views along a leading axis."""
         if len(views) == 1:
             return views[0]
-        return View(*joined([view._arrays() for view in views], axis))
+        return View(*joined([view.arrays() for view in views], axis))
 
 
 def joined(parts: Sequence[Any], axis: int) -> Any:
