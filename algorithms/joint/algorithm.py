@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, ClassVar, NoReturn
 
 import ray
@@ -178,14 +179,9 @@ class JointAlgorithm(Algorithm):
         try:
             self._check_signature(_stored_signature(folder / f"{self.STATE_FILE_NAME}.pkl"))
             super().restore_from_path(path, *args, **kwargs)
-        except AlgorithmError:
-            raise
-        except Exception as error:  # unpickling half a file may raise anything
-            damaged = _unreadable(folder)
-            if damaged is None and not isinstance(error, OSError):
-                raise
+        except (OSError, EOFError, UnpicklingError) as error:
             raise DamagedCheckpointError(
-                f"{damaged or 'a file'} is missing or damaged: {error!r}",
+                f"a file is missing or damaged: {error!r}",
                 place=f"checkpoint {folder}",
                 remedy="continue from another checkpoint",
             ) from error
@@ -388,14 +384,3 @@ def _stored_signature(file: Path) -> dict[str, Any] | None:
         return None
     with file.open("rb") as stream:
         return cloudpickle.load(stream).get(SIGNATURE)
-
-
-def _unreadable(folder: Path) -> str | None:
-    """Return the first file of a checkpoint that cannot be unpickled, or None."""
-    for file in sorted(folder.rglob("*.pkl")):
-        try:
-            with file.open("rb") as stream:
-                cloudpickle.load(stream)
-        except Exception:  # whatever half a file makes of itself
-            return str(file.relative_to(folder))
-    return None

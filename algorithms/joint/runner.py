@@ -142,14 +142,16 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         Fragments continue the episodes of the fragment before; `force_reset` is for evaluations.
         """
         num_envs = int(self.config.num_envs_per_env_runner or 1)
-        if num_episodes is not None:
-            return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
-        if num_timesteps is None and self.config.in_evaluation:
-            return self._evaluate(num_envs, explore, restart=force_reset)
-        steps = int(self.config.rollout_fragment_length)
-        if num_timesteps is not None:
-            steps = -(-num_timesteps // num_envs)
-        return [self._sample_fragment(steps, explore)]
+        if num_episodes is None and (num_timesteps is not None or not self.config.in_evaluation):
+            asked = self.config.rollout_fragment_length if num_timesteps is None else num_timesteps / num_envs
+            return [self._sample_fragment(ceil(asked), explore)]
+        if force_reset or (num_episodes is not None and self.worker_index == 0):
+            self._evaluated = 0
+        # Its share of the fixed list: with W runners it plays every W-th index of it.
+        count, runners = num_envs if num_episodes is None else num_episodes, max(self.num_workers or 0, 1)
+        first = max(self.worker_index - 1, 0) + runners * self._evaluated
+        self._evaluated += count
+        return self._play_listed(range(first, first + runners * count, runners), explore)
 
     def evaluate_share(self, shares: Mapping[int, range]) -> Reply:
         """Play this runner's share of an evaluation.
@@ -343,17 +345,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._recent.extend(ended)
         self._log_episodes(ended, self._recent)
         return rollout
-
-    def _evaluate(self, count: int, explore: bool | None, *, restart: bool) -> list[Episode]:
-        """Play this runner's share of the fixed list; with W runners it plays every W-th index of it."""
-        if count == 0:  # stock evaluation asks for none where there are more runners than episodes
-            self.metrics.log_value(NUM_EPISODES, 0, reduce="sum")
-            return []
-        self._evaluated = 0 if restart else self._evaluated
-        runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
-        first = place + runners * self._evaluated
-        self._evaluated += count
-        return self._play_listed(range(first, first + runners * count, runners), explore)
 
     def _play_listed(self, places: range, explore: bool | None = None) -> list[Episode]:
         """Play the episodes at these places of the evaluation list, and log their results."""

@@ -151,26 +151,20 @@ def evaluate(
     from benchmark.running.experiment import interruptible
 
     table: pd.DataFrame | None = None
-    given: Any = {"traffic": traffic, "engine": engine, "episodes": episodes, "out": out}
-    given["imports"] = import_ or ()
 
     def work() -> int:
         nonlocal table
-        names = scenario or ()
+        from benchmark.running import evaluating  # loads torch and Ray
+
+        asked = evaluating.Asked(scenario or (), traffic, episodes, agents, engine, out, import_ or ())
         if agent is not None:
-            from benchmark.running.evaluating import evaluate_agent
-
-            table = evaluate_agent(agent, scenarios=names, agents=agents or 4, **given)
+            table = evaluating.evaluate_agent(agent, asked)
         elif run is not None and is_exported:
-            from benchmark.running.evaluating import evaluate_exported
-
-            table = evaluate_exported(run, scenarios=names, agents=agents, **given)
+            table = evaluating.evaluate_exported(run, asked)
         elif run is not None:
-            from benchmark.running.evaluating import evaluate_checkpoint  # loads torch and Ray
-
-            modes: Any = [each.value for each in Mode if not mode or each in mode]
-            own: Any = {"modes": modes, "checkpoint": checkpoint or "last", "agents": agents}
-            table = evaluate_checkpoint(run, scenarios=names, **own, **given)
+            modes: Any = tuple(each.value for each in Mode if not mode or each in mode)
+            last = checkpoint or "last"
+            table = evaluating.evaluate_checkpoint(run, asked, modes=modes, checkpoint=last)
         return 0
 
     left = "nothing was written" if out is None else f"no table was written to {out}"

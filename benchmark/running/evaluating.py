@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -40,23 +40,57 @@ from smarts.zoo.exported import ExportedPolicy
 from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.service import WrongActionsError, checked_actions
 
-TRAFFIC = "random_social_vehicles"
+TRAFFIC, AGENTS = "random_social_vehicles", 4
+"""What agents are tested in, if nothing else is asked for."""
 MOST_NOTES = 4
 """Largest number of changes since a training that are listed."""
 
 
-def evaluate_agent(
-    locator: str,
-    *,
-    scenarios: Sequence[str],
-    traffic: str | None = None,
-    engine: str | None = None,
-    episodes: int = 50,
-    agents: int = 4,
-    options: Mapping[str, Any] | None = None,
-    out: Path | None = None,
-    imports: Sequence[str | Path] = (),
-) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Asked:
+    """How a policy or an agent is tested."""
+
+    scenarios: Sequence[str] = ()
+    """What is played, by default the conditions of the policy's test, or what it was trained on."""
+    traffic: str | None = None
+    """Variation of their traffic, by default that of the conditions, or of the training."""
+    episodes: int = 50
+    """Number of episodes for each mode and condition."""
+    agents: int | None = None
+    """Number of egos, by default the training's, or 4."""
+    engine: str | None = None
+    """Traffic engine, by default that of the training's tests, or SUMO."""
+    out: Path | None = None
+    """Folder for the table and the recorded episodes: new or empty."""
+    imports: Sequence[str | Path] = ()
+    """Files and folders of own code, by default the ones of the training."""
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What differs from the environment of a training."""
+        changes = {"agents": self.agents, "traffic_engine": self.engine}
+        return {key: value for key, value in changes.items() if value is not None}
+
+    def play(
+        self,
+        task: TrainingTask,
+        traffic: str,
+        environment: Environment,
+        agent: BatchAgent,
+        labels: Mapping[str, Any],
+        mode: str,
+    ) -> pd.DataFrame:
+        """Let an agent play the test of a task; return its table, with these labels."""
+        evaluation = Evaluation(episodes=self.episodes, keep_episodes=self.out is not None)
+        own = tuple(str(Path(each).absolute()) for each in self.imports)
+        setting = TaskSetting(task, self.traffic or traffic, environment, evaluation, num_envs=1, imports=own)
+        with new_folder(self.out) as folder:
+            for share in play_agent(setting, RunFolder(folder), agent, labels, mode=mode):
+                print(f"{share:.0%}", file=sys.stderr)
+            return read_test(RunFolder(folder), setting)
+
+
+def evaluate_agent(locator: str, asked: Asked, options: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """Return the table of a test of an agent, for `benchmark.metrics.compute`.
 
     Observation, action, vehicle and period are the agent's; all else is the benchmark's, so that agents are
@@ -64,29 +98,21 @@ def evaluate_agent(
 
     Args:
         locator: A name of the zoo, "module:name-v0", or "tcp://HOST:PORT".
-        scenarios: What is played.
-        traffic: Variation of their traffic.
-        engine: Traffic engine, by default SUMO.
-        episodes: How many.
-        agents: How many egos there are.
+        asked: What is played; scenarios are needed.
         options: Options of the agent.
-        out: Folder for the table and the recorded episodes: new or empty.
-        imports: Files and folders of own code.
 
     Raises:
         SmartsError: There is no such agent or scenario, or the agent fails, or answers what is no action: a
             score of some of its actions would be none of the agent.
     """
-    check_free(out)
-    import_own(imports)
+    check_free(asked.out)
+    import_own(asked.imports)
     agent, interface = batch_agent(locator, **(options or {}))
     try:
-        task = _task_of(scenarios)
-        driven = environment_of(agent, interface, agents, engine, f"agent {locator!r}")
+        driven = environment_of(agent, interface, asked.agents or AGENTS, asked.engine, f"agent {locator!r}")
         labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
         with named_own_code(f"the agent {locator!r}"):
-            setting = _setting(task, traffic or TRAFFIC, driven, episodes, out, imports)
-            return _tested(setting, out, agent, labels, SCRIPTED)
+            return asked.play(_task_of(asked.scenarios), TRAFFIC, driven, agent, labels, SCRIPTED)
     finally:
         if isinstance(agent, RemoteAgent):
             agent.close()
@@ -132,34 +158,6 @@ def _task_of(scenarios: Sequence[str]) -> TrainingTask:
     return fitted({"name": name, "scenarios": [*scenarios]}, TrainingTask, "--scenario")
 
 
-def _setting(
-    task: TrainingTask,
-    traffic: str,
-    given: Environment,
-    episodes: int,
-    out: Path | None,
-    imports: Sequence[str | Path],
-) -> TaskSetting:
-    return TaskSetting(
-        task,
-        traffic,
-        given,
-        Evaluation(episodes=episodes, keep_episodes=out is not None),
-        num_envs=1,
-        imports=tuple(str(Path(each).absolute()) for each in imports),
-    )
-
-
-def _tested(
-    setting: TaskSetting, out: Path | None, agent: BatchAgent, labels: Mapping[str, Any], mode: str
-) -> pd.DataFrame:
-    """Play a test into its folder, and return its table."""
-    with new_folder(out) as folder:
-        for share in play_agent(setting, RunFolder(folder), agent, labels, mode=mode):
-            print(f"{share:.0%}", file=sys.stderr)
-        return read_test(RunFolder(folder), setting)
-
-
 def play_agent(
     task_setting: TaskSetting,
     folder: RunFolder,
@@ -191,59 +189,35 @@ def play_agent(
     yield from play_parts(task_setting, folder, (mode,), labels, play, **seen)
 
 
-def _changes(agents: int | None, engine: str | None) -> dict[str, Any]:
-    """Return what differs from the environment of the training."""
-    changes = {"agents": agents, "traffic_engine": engine}
-    return {key: value for key, value in changes.items() if value is not None}
-
-
-def evaluate_exported(
-    path: Path,
-    *,
-    scenarios: Sequence[str] = (),
-    traffic: str | None = None,
-    episodes: int = 50,
-    agents: int | None = None,
-    engine: str | None = None,
-    out: Path | None = None,
-    imports: Sequence[str | Path] = (),
-) -> pd.DataFrame:
+def evaluate_exported(path: Path, asked: Asked) -> pd.DataFrame:
     """Return the table of a test of an exported policy, each ego driven by its own agent of the training.
 
     It acts greedily, as its checkpoint does; neither the run's folder nor the learners are needed.
 
     Args:
         path: The folder that `smarts-bench export` or `release` has written.
-        scenarios: Scenarios to play, by default the conditions of its test, or what it was trained on.
-        traffic: Traffic to play, by default that of the conditions, or the training's.
-        episodes: How many of each.
-        agents: Number of agents, the first ones of the training; by default all.
-        engine: Traffic engine, by default that on which the training is tested.
-        out: Folder for the table and the recorded episodes: new or empty.
-        imports: Files and folders of own code that the scenarios name.
+        asked: What is played; of agents, the first ones of the training.
 
     Raises:
         SmartsError: The folder does not hold an exported policy, or does not say what it was trained on, or
             names code or files of its author.
     """
-    check_free(out)
-    import_own(imports)
+    check_free(asked.out)
+    import_own(asked.imports)
     check_released(path)
     trained = trained_on(path)
-    if not scenarios:
+    if not asked.scenarios:
         check_suite(trained, path)
-    agent = ExportedPolicy(path, TEAM)
     given = {
         "name": trained.task,
         "scenarios": trained.scenarios,
         "test": [each.model_dump() for each in trained.test],
     }
-    task = asked_task(fitted(given, TrainingTask, str(path)), scenarios, traffic)
-    driven = fitted(trained.environment | _changes(agents, engine), Environment, str(path))
+    task = asked_task(fitted(given, TrainingTask, str(path)), asked.scenarios, asked.traffic)
+    driven = fitted(trained.environment | asked.changes, Environment, str(path))
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    setting = _setting(task, traffic or trained.traffic, driven, episodes, out, imports)
     build_played(task.tested_on)
-    return _tested(setting, out, agent, labels, "greedy")
+    return asked.play(task, trained.traffic, driven, ExportedPolicy(path, TEAM), labels, "greedy")
 
 
 class AgentDriver:
@@ -329,59 +303,47 @@ def asked_task(task: TrainingTask, scenarios: Sequence[str], traffic: str | None
 
 def evaluate_checkpoint(
     path: Path,
+    asked: Asked,
     *,
-    scenarios: Sequence[str] = (),
-    traffic: str | None = None,
-    episodes: int = 50,
     modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
     checkpoint: Literal["last", "best"] = "last",
-    agents: int | None = None,
-    engine: str | None = None,
-    out: Path | None = None,
-    imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
     """Return the table of a test of a run's policy, for `benchmark.metrics.compute`.
 
     Args:
         path: The run's folder, which is not changed.
-        scenarios: Scenarios to play, by default the conditions of the run's test, or what is trained on.
-        traffic: Traffic to play, by default that of the conditions, or the training's.
-        episodes: Number of episodes for each mode and condition.
+        asked: What is played; networks that agents share are of any number of them.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
-        agents: Number of agents, by default the training's; networks that agents share are of any number.
-        engine: Traffic engine, by default that of the training's tests.
-        out: Folder for the table and the recorded episodes: new or empty.
-        imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
-        ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` holds something else.
+        ResultsError: There is no run or no such checkpoint, or it is damaged; or the folder for the episodes
+            holds something else.
         SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
         CheckpointError: The run's algorithm, or a setting of its networks, is another now.
         SpaceError: The scenarios have other agents than the training, or these see or do something else.
         OwnCodeError: Own code cannot be imported, or raises.
     """
-    check_free(out)  # before anything is loaded
+    check_free(asked.out)  # before anything is loaded
     folder = RunFolder(path)
-    trained = read_run(folder, imports)
-    task = asked_task(trained.task_setting.task, scenarios, traffic)
-    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
-    asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
-    environment = trained.task_setting.environment
-    changes = _changes(agents, engine)
-    asked["environment"] = fitted(environment.model_dump() | changes, Environment, str(path))
-    run = replace(trained, task_setting=replace(trained.task_setting, **asked))
-    task_setting = run.task_setting
-    is_alike = task_setting.traffic == trained.task_setting.traffic and agents is None
-    build_played(task.tested_on)
-    scenarios_now = tested_digests(task_setting) if is_alike else {}
-    changed = changes_since(folder, trained.content(), scenarios_now)
+    trained = read_run(folder, asked.imports)
+    before = trained.task_setting
+    setting = replace(
+        before,
+        task=asked_task(before.task, asked.scenarios, asked.traffic),
+        traffic=asked.traffic or before.traffic,
+        evaluation=Evaluation(episodes=asked.episodes, modes=modes, keep_episodes=asked.out is not None),
+        environment=fitted(before.environment.model_dump() | asked.changes, Environment, str(path)),
+    )
+    build_played(setting.task.tested_on)
+    is_alike = setting.traffic == before.traffic and asked.agents is None
+    changed = changes_since(folder, trained.content(), tested_digests(setting) if is_alike else {})
     for what in changed[:MOST_NOTES]:
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
     if more := changed[MOST_NOTES:]:
         print(f"note: {path}: {len(more)} more have changed", file=sys.stderr)
-    kept = folder.kept(checkpoint)
-    with new_folder(out) as answer, named_own_code("the run's own code"):
+    run, kept = replace(trained, task_setting=setting), folder.kept(checkpoint)
+    with new_folder(asked.out) as answer, named_own_code("the run's own code"):
         policies = {
             mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes
         }
@@ -390,4 +352,4 @@ def evaluate_checkpoint(
             run, RunFolder(answer), discount, lambda env, part, mode: policies[mode].play(env, part)
         ):
             pass
-        return read_test(RunFolder(answer), task_setting)
+        return read_test(RunFolder(answer), setting)

@@ -6,7 +6,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluating import asked_task, evaluate_checkpoint
+from benchmark.running.evaluating import Asked, asked_task, evaluate_checkpoint
 from benchmark.running.policy import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
@@ -29,7 +29,7 @@ def folder(run, tmp_path):
 
 def test_a_scenario_that_does_not_exist_is_one_message(folder):
     with pytest.raises(ConfigError, match=r"scenarios.0.: .*'intersecton'.* did you mean 'intersection'"):
-        evaluate_checkpoint(folder.path, scenarios=["intersecton"])
+        evaluate_checkpoint(folder.path, Asked(["intersecton"]))
 
 
 def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):

@@ -16,7 +16,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
 from benchmark.results.files import PARTIAL, ResultsError, locked
-from benchmark.running.evaluating import evaluate_checkpoint
+from benchmark.running.evaluating import Asked, evaluate_checkpoint
 from benchmark.running.played import held_out_of
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.commands import begin, finish, wait_for
@@ -213,7 +213,7 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(continued
     shutil.copytree(continued[1], run)
     damaged = run / "checkpoint" / "learner_group" / "learner" / "rl_module" / "shared" / "module_state.pkl"
     damaged.write_bytes(damaged.read_bytes()[:100])
-    short = {"episodes": 1, "modes": ("greedy",)}
+    short = {"asked": Asked(episodes=1), "modes": ("greedy",)}
     with raises(ResultsError, damaged, values=["not as it was written"]) as caught:
         evaluate_checkpoint(run, **short)
     assert "--checkpoint" in caught.value.remedy

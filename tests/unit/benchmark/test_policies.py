@@ -18,7 +18,7 @@ from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
-from benchmark.running.evaluating import evaluate_checkpoint
+from benchmark.running.evaluating import Asked, evaluate_checkpoint
 from benchmark.running.given_steps import fill
 from benchmark.running.testing import ENGINE, EVALUATION_SEED, play_test
 from benchmark.running.training import _play, algorithm_of, restore
@@ -88,7 +88,7 @@ def decisions(root):
 )
 def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     run, folder = make(name, settings)
-    tested = evaluate_checkpoint(folder.path, episodes=2, out=tmp_path / "out")
+    tested = evaluate_checkpoint(folder.path, Asked(episodes=2, out=tmp_path / "out"))
     pd.testing.assert_frame_equal(tested, table_of_training(run, folder, RunFolder(tmp_path / "test")))
     wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
     policy = load_policy(folder.path)
@@ -117,7 +117,7 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
         shutil.rmtree(critic)
     for state in states:
         state.unlink()
-    given = {"episodes": 2, "modes": ("greedy",)}
+    given = {"asked": Asked(episodes=2), "modes": ("greedy",)}
     pd.testing.assert_frame_equal(
         evaluate_checkpoint(kept, **given), evaluate_checkpoint(folder.path, **given)
     )
@@ -125,10 +125,10 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
 
 def test_a_test_on_another_traffic_engine_says_so(make):
     _, folder = make("ppo")
-    tested = evaluate_checkpoint(folder.path, episodes=1, modes=("greedy",), engine="Native")
+    tested = evaluate_checkpoint(folder.path, Asked(episodes=1, engine="Native"), modes=("greedy",))
     assert tested.attrs[ENGINE] == "tested on the traffic engine Native"
     with pytest.raises(ConfigError, match="no traffic engine 'Nativ'; did you mean 'Native'"):
-        evaluate_checkpoint(folder.path, engine="Nativ")
+        evaluate_checkpoint(folder.path, Asked(engine="Nativ"))
 
 
 def by_dicts(env, policy, steps=12):

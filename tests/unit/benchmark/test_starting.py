@@ -11,7 +11,7 @@ from benchmark.results.files import write_files
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import training
 from benchmark.running.cluster import start_ray
-from benchmark.running.evaluating import evaluate_checkpoint
+from benchmark.running.evaluating import Asked, evaluate_checkpoint
 from benchmark.running.messages import Began
 from benchmark.running.writing import RunWriter
 
@@ -88,5 +88,5 @@ def test_a_training_starts_with_the_weights_that_fit(tmp_path, trained):
 
 def test_another_number_of_agents_plays_a_shared_policy(trained):
     for agents in (1, 3):
-        table = evaluate_checkpoint(trained.path, episodes=2, modes=("greedy",), agents=agents)
+        table = evaluate_checkpoint(trained.path, Asked(episodes=2, agents=agents), modes=("greedy",))
         assert len(table) == 2 * agents

@@ -18,7 +18,7 @@ from benchmark.results.files import ResultsError
 from benchmark.results.release import MANIFEST, MARKED, episode_digests, read_manifest, scores_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.blind import BlindAgent
-from benchmark.running.evaluating import evaluate_exported, play_agent
+from benchmark.running.evaluating import Asked, evaluate_exported, play_agent
 from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import write_release
 from benchmark.running.submissions import agent_of, check_manifest, submitted
@@ -210,14 +210,14 @@ class TestNoCodeOfASubmissionRunsHere:
         named = [{f"{module}:Thing": {}}] if key == "observation" else f"{module}:Thing"
         policy = write_policy(tmp_path / "mine", environment=ENVIRONMENT.content() | {key: named})
         with pytest.raises(SmartsError, match="names code or files of its author"):
-            evaluate_exported(policy, episodes=1)
+            evaluate_exported(policy, Asked(episodes=1))
 
     def test_of_a_scenario_folder(self, tmp_path):
         (tmp_path / "theirs").mkdir()
         (tmp_path / "theirs" / "scenario.py").write_text("raise SystemExit")
         policy = write_policy(tmp_path / "mine", scenarios=[str(tmp_path / "theirs")])
         with pytest.raises(SmartsError, match="no scenario of the suite"):
-            evaluate_exported(policy, episodes=1)
+            evaluate_exported(policy, Asked(episodes=1))
 
 
 def test_a_changed_bit_of_a_released_policy_is_refused(tmp_path):
@@ -225,8 +225,8 @@ def test_a_changed_bit_of_a_released_policy_is_refused(tmp_path):
     file = root / "1/mine/policy.json"
     file.write_text(file.read_text().replace('"start": 0', '"start": 1'))
     with raises(ResultsError, file, values=["not as it was written"]):
-        evaluate_exported(file.parent, episodes=1)
-    assert len(evaluate_exported(root / "2/mine", episodes=1)) == 2
+        evaluate_exported(file.parent, Asked(episodes=1))
+    assert len(evaluate_exported(root / "2/mine", Asked(episodes=1))) == 2
 
 
 @pytest.mark.parametrize(
