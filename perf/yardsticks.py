@@ -20,14 +20,13 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from algorithms.joint.env import Ints, JointStep
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Recipe
-
-if TYPE_CHECKING:
-    from algorithms.joint.sampler import EvaluatedStep
+from perf.yardstick_games.vector import VectorGame
 
 FOLDER = Path(__file__).resolve().parents[1] / "results" / "yardsticks"
 RANDOM = "random"
@@ -110,14 +109,14 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
     """Train and evaluate; return the run."""
     recipe = RECIPES[game][algorithm]
     algo = configured(game, algorithm, seed, recipe).build_algo()
-    curve, seconds, done = [evaluated(game, algo, episodes, 0, 0.0)], 0.0, 0
+    curve, seconds, done = [evaluated(game, algo, recipe, episodes, 0, 0.0)], 0.0, 0
     while done < steps:
         start = time.process_time()
         algo.train()
         seconds += time.process_time() - start
         done += recipe.num_envs * recipe.fragment
         if done >= min(len(curve) * steps / EVALUATIONS, steps):
-            curve.append(evaluated(game, algo, episodes, done, seconds))
+            curve.append(evaluated(game, algo, recipe, episodes, done, seconds))
             print(f"{game} {algorithm} seed {seed}: {shown(curve[-1])}", flush=True)
     algo.stop()
     about = {
@@ -145,35 +144,49 @@ def configured(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
     return config.training(**recipe.settings)
 
 
-def evaluated(game: str, algo: Any, episodes: int, steps: int, seconds: float) -> Evaluation:
+def evaluated(game: str, algo: Any, recipe: Recipe, episodes: int, steps: int, seconds: float) -> Evaluation:
     """Return mean scores, greedy and sampled."""
     from algorithms.joint.evaluation import evaluate
 
-    loops, score = Loops(), YARDSTICKS[game].score
-    greedy = evaluate(algo, episodes, on_step=loops, seed=EVALUATION_SEED)
+    score = YARDSTICKS[game].score
+    loops = Loops(YARDSTICKS[game].make(recipe.num_envs, limit_ends=recipe.limit_ends))
+    greedy = evaluate(algo, episodes, env=loops, seed=EVALUATION_SEED)
     sampled = evaluate(algo, episodes, explore=True, seed=EVALUATION_SEED)
     means = [score(float(np.mean([e.returns.sum() for e in played]))) for played in (greedy, sampled)]
-    return Evaluation(steps, means[0], means[1], len(loops.looped) / episodes, seconds)
+    looped = loops.looped & {each.episode_index for each in greedy}
+    return Evaluation(steps, means[0], means[1], len(looped) / episodes, seconds)
 
 
 class Loops:
-    """Collects the episodes in which all agents see again what they saw before.
+    """An environment that collects the episodes in which all agents see again what they saw before.
 
     These games are deterministic, so a greedy team without memory repeats from there what it did, for ever.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, env: VectorGame) -> None:
+        self._env = env
         self.looped: set[int] = set()
         self._seen: set[tuple[int, bytes]] = set()
 
-    def __call__(self, step: EvaluatedStep) -> None:
-        """Take note of what the agents of each environment see."""
-        (leaves,) = step.view.observations
-        for row, episode in enumerate(step.playing.tolist()):
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._env, name)
+
+    def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
+        """Start all copies."""
+        return self._noted(self._env.reset(seed, indices, stride=stride))
+
+    def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
+        """Act in all copies."""
+        return self._noted(self._env.step(actions))
+
+    def _noted(self, step: JointStep) -> JointStep:
+        (leaves,) = step.observations
+        for row, episode in enumerate(self._env.worlds.tolist()):
             key = episode, leaves[""][row].tobytes()
-            if episode >= 0 and key in self._seen:
+            if key in self._seen:
                 self.looped.add(episode)
             self._seen.add(key)
+        return step
 
 
 def random_play(game: str, seed: int, episodes: int) -> RunFile:

@@ -1,8 +1,7 @@
-"""Evaluation with access to every step: exact episodes, greedy or sampled, without RLlib's metrics."""
+"""Evaluation of exact episodes, greedy or sampled, in any environment, without RLlib's metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,6 @@ from algorithms.joint.env import VectorJointEnv
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.progress import Episode
 from algorithms.joint.runner import JointEnvRunner
-from algorithms.joint.sampler import EvaluatedStep
 
 if TYPE_CHECKING:
     from algorithms.joint.algorithm import JointAlgorithm
@@ -22,7 +20,6 @@ def evaluate(
     episodes: int,
     *,
     explore: bool = False,
-    on_step: Callable[[EvaluatedStep], None] | None = None,
     first_episode: int = FIRST_TEST_EPISODE,
     env: VectorJointEnv | None = None,
     seed: int | None = None,
@@ -34,7 +31,6 @@ def evaluate(
         episodes: Number of episodes; episode k has the index `first_episode + k`, whatever the number of
             environments or runners.
         explore: Sample actions as in training, from one stream for all environments, or act greedily.
-        on_step: Called with every step of all environments, sampling distributions included.
         first_episode: Index of the first episode.
         env: Environment to play in, by default one like those of training; left open.
         seed: Root seed of the episodes and of sampled actions, by default the algorithm's own. One seed for
@@ -50,4 +46,4 @@ def evaluate(
     runner: JointEnvRunner = algo.env_runner_group.local_env_runner
     runner.set_state(algo.runner_state())
     indices = first_episode + np.arange(episodes)
-    return runner.play(indices, explore=explore, on_step=on_step, env=env, seed=seed)
+    return runner.play(indices, explore=explore, env=env, seed=seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -40,7 +40,7 @@ from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import EvaluatedStep, Sampler
+from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import SPEC, agent_spaces
 from algorithms.joint.threads import torch_threads
 
@@ -167,7 +167,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         indices: Ints,
         *,
         explore: bool,
-        on_step: Callable[[EvaluatedStep], None] | None = None,
         env: VectorJointEnv | None = None,
         seed: int | None = None,
     ) -> list[Episode]:
@@ -176,7 +175,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         Args:
             indices: Episode indices, shape (c,), equally spaced.
             explore: Sample actions as in training, or act greedily.
-            on_step: Called with every step of all environments.
             env: Environment to play in instead, with the agents and spaces of the training; left open.
             seed: Root seed of the episodes and of action sampling, by default the config's.
 
@@ -186,7 +184,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         evaluator = self._new_sampler(self._evaluation_env(env), restart_id=0, seed=seed)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
-            return evaluator.episodes(indices, exploration, on_step)
+            return evaluator.episodes(indices, exploration)
 
     def get_metrics(self) -> Any:
         """Return and clear what was logged since the last call."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,24 +26,6 @@ from algorithms.parts.distributions import Exploration, SampledActions
 
 LATENTS = 1
 """Key of the random numbers that latents are drawn from."""
-
-
-class EvaluatedStep(NamedTuple):
-    """One step of all environments in an evaluation, handed over before the next step reuses the arrays.
-
-    Attributes:
-        playing: Index of the episode each environment plays, -1 if it idles, (B,).
-        view: What the agents saw, leading axis (B,).
-        distributions: Per block, what the actions were sampled from; see `SampledActions.distribution`.
-        actions: Per block, in the environment's units.
-        step: What the environment answered.
-    """
-
-    playing: Ints
-    view: View
-    distributions: tuple[np.ndarray, ...]
-    actions: tuple[np.ndarray, ...]
-    step: JointStep
 
 
 class Sampler:
@@ -136,18 +118,12 @@ class Sampler:
         self._clear_inactive(rollout)
         return rollout.close()
 
-    def episodes(
-        self,
-        indices: Ints,
-        exploration: Exploration,
-        on_step: Callable[[EvaluatedStep], None] | None = None,
-    ) -> list[Episode]:
+    def episodes(self, indices: Ints, exploration: Exploration) -> list[Episode]:
         """Play the episodes of the given indices, dealt in turn to the environments.
 
         Args:
             indices: Episode indices, shape (c,), equally spaced.
             exploration: How to act.
-            on_step: Called with every step of all environments.
 
         Returns:
             The episodes in the order of `indices`; an episode that failed in an environment which then
@@ -159,15 +135,10 @@ class Sampler:
         self.begin(indices[0] + spacing * np.arange(count), stride=spacing * count)
         finished: dict[int, Episode] = {}
         while (self.progress.episode_index <= last).any():
-            playing = np.where(self.progress.episode_index <= last, self.progress.episode_index, -1)
-            seen = self._now if on_step is None else _copied(self._now)
-            acting = self._act(seen, exploration)
+            acting = self._act(self._now, exploration)
             actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
             self._annotate(acting)
-            step = self._step(actions)
-            if on_step is not None:
-                given = tuple(chosen.distribution.numpy() for chosen in acting)
-                on_step(EvaluatedStep(playing, seen, given, actions, step))
+            self._step(actions)
             finished |= {episode.episode_index: episode for episode in self.take_episodes()}
         return [finished[index] for index in indices.tolist() if index in finished]
 

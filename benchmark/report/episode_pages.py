@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,11 +9,14 @@ from benchmark.experiment.runs import SCRIPTED
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
-from smarts.envision.episode_library import Entry, EpisodeLibrary
-from smarts.envision.notable_episodes import NO_FAILURE, Notable, embedded, notable_episodes
+from smarts.envision.episode_library import EpisodeLibrary
+from smarts.envision.notable_episodes import embedded, notable_episodes
 from smarts.envision.viewer_page import page_with
 from smarts.errors import SmartsError
 from smarts.sstudio.locating import VARIATION_MARK
+
+MOST_SHOWN = 3
+"""Most episodes of a page."""
 
 
 def _tested(episodes: Path, mode: str, run: RunResult) -> EpisodeLibrary:
@@ -48,7 +49,7 @@ class Replays:
 
 
 def replays(results: Results, mode: str, name: str) -> Replays:
-    """Return the best, the worst and a typical failed test episode of a policy's first run that kept some.
+    """Return the best, the worst and another failed test episode of a policy's first run that kept some.
 
     Args:
         results: The results.
@@ -62,12 +63,7 @@ def replays(results: Results, mode: str, name: str) -> Replays:
     try:
         episodes = RunFolder(results.root / run.place).episodes
         library = _tested(episodes, SCRIPTED if run.is_scripted else mode, run)
-        chosen = [
-            each
-            for each in notable_episodes(library.entries())
-            if {*each.why.split(", ")} & {"best", "worst"}
-        ]
-        chosen += _typical_failure(library.entries(), chosen)
+        chosen = notable_episodes(library.entries())[:MOST_SHOWN]
     except SmartsError:  # none of this way of acting
         return Replays()
     shown, left_out = embedded(library, chosen)
@@ -77,20 +73,3 @@ def replays(results: Results, mode: str, name: str) -> Replays:
         page.encode(),
         tuple(f"{entry.label}: {why}" for entry, why in left_out),
     )
-
-
-def _typical_failure(entries: Sequence[Entry], shown: Sequence[Notable]) -> list[Notable]:
-    """Return an episode, none of those shown, with as many of the most frequent failure as is usual."""
-    there = {each.entry.id for each in shown}
-    whole = [each for each in entries if each.complete and not each.invalid and not each.error]
-    counts: Counter[str] = Counter()
-    for each in whole:
-        counts.update({name: count for name, count in each.outcomes.items() if name not in NO_FAILURE})
-    for kind, total in counts.most_common():
-        failed = [each for each in whole if each.outcomes.get(kind)]
-        usual = total / len(failed)
-        failed.sort(key=lambda each: (abs(each.outcomes[kind] - usual), each.seconds, each.label))
-        for each in failed:
-            if each.id not in there:
-                return [Notable(each, f"typical failure: {kind.replace('_', ' ')}")]
-    return []

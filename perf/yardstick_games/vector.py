@@ -107,6 +107,11 @@ class VectorGame:
         """
         raise RuntimeError(f"copies {sorted(failures)} of {type(self).__name__} failed")
 
+    @property
+    def worlds(self) -> Ints:
+        """Index of the episode that each copy plays, (B,)."""
+        return self._indices
+
     def close(self) -> None:
         """Do nothing: there is nothing to release."""
 
