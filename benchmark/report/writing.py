@@ -17,7 +17,7 @@ from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import summaries_of
 from benchmark.report.tables import CONDITION_COLUMNS, condition_rows
 from benchmark.report.values import csv_number
-from benchmark.results.files import ResultsError, replace_folder
+from benchmark.results.files import ResultsError, replaced_folder
 from benchmark.results.reading import REPORT, read_results
 
 PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
@@ -38,14 +38,10 @@ def write_report(root: Path, out: Path | None = None) -> Path:
     folder = (out or root / REPORT).absolute()
     _check_free(folder)
     report = make_report(results)
-
-    def write(partial: Path) -> None:
-        partial.mkdir(parents=True)
+    with replaced_folder(folder) as partial:
         played = replays(results, report.modes[0], leader(report))
         for name, content in report_files(report, played).items():
             (partial / name).write_bytes(content)
-
-    replace_folder(folder, write)
     return folder / PAGE
 
 

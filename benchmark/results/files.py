@@ -85,8 +85,9 @@ def write_versioned(file: Path, content: Mapping[str, Any]) -> None:
     write_json(file, {"format": FORMAT, **content})
 
 
-def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
-    """Let `fill` write a temporary folder, then replace the old folder by it.
+@contextmanager
+def replaced_folder(folder: Path) -> Iterator[Path]:
+    """Provide an empty folder that replaces the old one when all is written.
 
     A kill in between leaves the old one under the name of `previous_of`; `recover_folder` restores it.
 
@@ -94,22 +95,22 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
         ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
     """
     partial, previous = _partial_of(folder), previous_of(folder)
-    with named_failures(folder):
-        shutil.rmtree(partial, ignore_errors=True)
-        try:
-            fill(partial)
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        with named_failures(folder):
+            partial.mkdir(parents=True)
+            yield partial
             # Before the old one is removed, lest a power cut leave neither.
             for path in (*partial.rglob("*"), partial):
                 _to_disk(path)
-        except BaseException:
-            shutil.rmtree(partial, ignore_errors=True)
-            raise
-        shutil.rmtree(previous, ignore_errors=True)
-        if folder.exists():
-            folder.rename(previous)
-        partial.rename(folder)
-        _to_disk(folder.parent)
-        shutil.rmtree(previous, ignore_errors=True)
+            shutil.rmtree(previous, ignore_errors=True)
+            if folder.exists():
+                folder.rename(previous)
+            partial.rename(folder)
+            _to_disk(folder.parent)
+            shutil.rmtree(previous, ignore_errors=True)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def check_free(out: Path | None) -> None:
@@ -127,20 +128,10 @@ def check_free(out: Path | None) -> None:
 def new_folder(out: Path | None) -> Iterator[Path]:
     """Provide a folder that becomes `out` when all is written; without one it is removed."""
     check_free(out)
-    if out is None:
-        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
-            yield Path(temporary)
-        return
-    partial = _partial_of(out)
-    shutil.rmtree(partial, ignore_errors=True)
-    with named_failures(out):
-        partial.mkdir(parents=True)
-    try:
-        yield partial
-        with named_failures(out):
-            partial.replace(out)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    with (
+        tempfile.TemporaryDirectory(prefix="smarts-bench-") if out is None else replaced_folder(out) as folder
+    ):
+        yield Path(folder)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

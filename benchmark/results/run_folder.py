@@ -46,7 +46,7 @@ from benchmark.results.files import (
     read_json,
     read_versioned,
     recover_folder,
-    replace_folder,
+    replaced_folder,
     write_files,
     write_versioned,
     write_whole,
@@ -281,9 +281,8 @@ class RunFolder:
         if isinstance(content, bytes):
             write_whole(path, lambda file: file.write_bytes(content))
         elif content:
-            with named_failures(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-            replace_folder(path, lambda folder: write_files(folder, content))
+            with replaced_folder(path) as folder:
+                write_files(folder, content)
         else:
             with named_failures(path), suppress(FileNotFoundError):
                 shutil.rmtree(path)

@@ -22,7 +22,7 @@ from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import DEMONSTRATIONS, KL_TO, TEST, VERSION, Run
-from benchmark.results.files import check_free, replace_folder
+from benchmark.results.files import check_free, replaced_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
@@ -103,15 +103,13 @@ def export_policy(
         title=title, locator=locator, level=level.split("-")[0], provenance=title.partition(": ")[2]
     )
 
-    def fill(partial: Path) -> None:
-        partial.mkdir(parents=True)
+    with replaced_folder(folder) as partial:
         for number, arrays in enumerate(weights):
             np.savez_compressed(weights_file(partial, number), allow_pickle=False, **arrays)
         said = content | {DIGESTS: policy_digests(partial, content)}
         (partial / CONTENT).write_text(json.dumps(said, indent=1), encoding="utf-8")
         (partial / "__init__.py").write_text(text, encoding="utf-8")
 
-    replace_folder(folder, fill)
     return folder
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import code_digests
-from benchmark.results.files import ResultsError, check_free, replace_folder, write_json
+from benchmark.results.files import ResultsError, check_free, replaced_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
@@ -70,9 +70,7 @@ def write_release(
             place=str(root),
             remedy="finish the experiment, or give --partial: the manifest then names what is missing",
         )
-    found: list[Manifest] = []
-
-    def fill(folder: Path) -> None:
+    with replaced_folder(out) as folder:
         manifest = Manifest(
             name=results.name,
             author=author,
@@ -85,10 +83,7 @@ def write_release(
             policies=[_entry(root, run, folder, imports) for run in runs],
         )
         write_json(folder / MANIFEST, manifest.content())
-        found.append(manifest)
-
-    replace_folder(out, fill)
-    return found[0]
+    return manifest
 
 
 def _wrong(runs: Sequence[RunResult], scenarios: dict[str, dict[str, str]]) -> Iterator[str]:

@@ -28,7 +28,7 @@ from benchmark.results.files import (
     ResultsError,
     locked,
     read_json,
-    replace_folder,
+    replaced_folder,
     write_files,
     write_json,
     write_whole,
@@ -118,7 +118,8 @@ def verify(
             if entry.place not in refused:
                 RunFolder(out / entry.place).note(status=FINISHED)
         if not refused and not any(entry.episodes for entry in manifest.policies):
-            replace_folder(out / SUBMISSION, evaluated.write_claims)
+            with replaced_folder(out / SUBMISSION) as partial:
+                evaluated.write_claims(partial)
         return verdicts
 
 
@@ -277,7 +278,6 @@ class _Evaluated:
         frozen = versions()[number]
         given = {"code": {part: frozen[part] for part in CODE}, "environment": frozen[ENVIRONMENT]}
         claimed = self.manifest.model_copy(update={**given, "scenarios": scenarios, "policies": entries})
-        folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / MANIFEST, claimed.content())
 
 

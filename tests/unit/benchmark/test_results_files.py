@@ -23,7 +23,7 @@ from benchmark.results.files import (
     previous_of,
     read_json,
     recover_folder,
-    replace_folder,
+    replaced_folder,
 )
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
@@ -47,7 +47,7 @@ class FakeAlgo:
         self.content = content
 
     def save_to_path(self, path):
-        os.makedirs(path)
+        os.makedirs(path, exist_ok=True)
         with open(f"{path}/weights", "w") as file:
             file.write(self.content)
 
@@ -76,7 +76,8 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
 @pytest.mark.parametrize("moment", ["partial", "between"])
 def test_a_kill_while_a_folder_is_replaced_leaves_one_that_is_whole(tmp_path, moment):
     folder = tmp_path / "checkpoint"
-    replace_folder(folder, lambda path: FakeAlgo("old").save_to_path(path))
+    with replaced_folder(folder) as path:
+        FakeAlgo("old").save_to_path(path)
     partial = tmp_path / f"{PARTIAL}-checkpoint"
     FakeAlgo("new").save_to_path(str(partial))
     if moment == "between":
@@ -88,7 +89,8 @@ def test_a_kill_while_a_folder_is_replaced_leaves_one_that_is_whole(tmp_path, mo
 
 def test_a_folder_is_on_disk_before_the_one_that_was_there_goes(tmp_path, monkeypatch):
     folder = tmp_path / "checkpoint"
-    replace_folder(folder, lambda path: FakeAlgo("old").save_to_path(path))
+    with replaced_folder(folder) as path:
+        FakeAlgo("old").save_to_path(path)
     synced, sync = {}, os.fsync
 
     def watched(descriptor):
@@ -96,7 +98,8 @@ def test_a_folder_is_on_disk_before_the_one_that_was_there_goes(tmp_path, monkey
         sync(descriptor)
 
     monkeypatch.setattr(os, "fsync", watched)
-    replace_folder(folder, lambda path: FakeAlgo("new").save_to_path(path))
+    with replaced_folder(folder) as path:
+        FakeAlgo("new").save_to_path(path)
     partial = str(tmp_path / f"{PARTIAL}-checkpoint")
     assert synced == {f"{partial}/weights": "old", partial: "old", str(tmp_path): "new"}
 
