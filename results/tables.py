@@ -21,8 +21,8 @@ from smarts.errors import SmartsError
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
 FILES = {
-    "README.md": ("paper", "unseen"),
-    "docs/guide/benchmark_v1.md": ("modes",),
+    "README.md": ("unseen",),
+    "docs/guide/benchmark_v1.md": ("paper",),
     "docs/guide/benchmark_v2.md": ("conditions",),
 }
 """File -> its tables."""
@@ -78,15 +78,6 @@ def rates(values: Values, algorithm: str, cell: tuple[str, str], mode: str) -> s
     return " / ".join(f"{float(row['value']):.2f}" for row in found if row)
 
 
-def worst(values: Values, algorithm: str, cell: tuple[str, str], mode: str) -> str:
-    """Return completion in the worst held-out variation, and its name, or "" if there is none."""
-    row = values.get((algorithm, *cell, mode, "generalization"))
-    if row is None or not row["value"]:
-        return ""
-    terms = dict(term.split("=") for term in row["terms"].split("; "))
-    return f"{float(terms['held_out_completion']):.2f} ({row['worst'].partition('@')[2]})"
-
-
 def paper_table(values: Values) -> Iterable[Sequence[str]]:
     """Yield rows of greedy rates, with the paper's in parentheses."""
     yield ("", *TITLES)
@@ -100,18 +91,6 @@ def paper_table(values: Values) -> Iterable[Sequence[str]]:
 def _printed(algorithm: str, cell: tuple[str, str]) -> tuple[float, float]:
     first = printed(algorithm, *cell)[0]
     return first.collision, first.completion
-
-
-def modes_table(values: Values) -> Iterable[Sequence[str]]:
-    """Yield rows of greedy rates, sampled rates and the worst held-out variation."""
-    yield ("", *TITLES)
-    for name, label in [*ALGORITHMS.items(), (RULES, f"`{RULES}` (scripted)")]:
-        modes = ("scripted",) if name == RULES else ("greedy", "sampled")
-        parts = [
-            [*(rates(values, name, cell, mode) for mode in modes), worst(values, name, cell, modes[0])]
-            for cell in CELLS
-        ]
-        yield (label, *("; ".join(filter(None, each)) for each in parts))
 
 
 def conditions() -> dict[str, dict[str, dict[str, str]]]:
@@ -141,7 +120,7 @@ def conditions_table(_: Values) -> Iterable[Sequence[str]]:
             yield (algorithm, name, *rates, row["share that meets"].partition(" ")[0])
 
 
-TABLES = {"paper": paper_table, "modes": modes_table, "unseen": unseen_table, "conditions": conditions_table}
+TABLES = {"paper": paper_table, "unseen": unseen_table, "conditions": conditions_table}
 
 
 def lines_of(name: str, values: Values) -> str:
