@@ -8,10 +8,12 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 
-from smarts_agent_kit.wire import LARGEST, Message, WireError, decode, encode, frame_size
+import msgpack
+
+from smarts_agent_kit.wire import LARGEST, Message, WireError, encode, message_of
 
 _CHUNK = 2**16
-"""Bytes of a channel's buffer, until a larger message arrives."""
+"""Bytes that are received at once."""
 
 
 class ClosedError(Exception):
@@ -23,9 +25,6 @@ class Channel:
 
     Args:
         connection: A connected stream socket, which the channel closes.
-
-    Attributes:
-        largest: The most bytes of a message that is received.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -33,13 +32,13 @@ class Channel:
         with suppress(OSError):  # of a socket pair
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LARGEST)
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.largest = LARGEST
         self._socket = connection
         self._outgoing = memoryview(b"")
-        self._buffer = memoryview(bytearray(_CHUNK))
-        self._begin = self._end = 0  # of what has arrived, in the buffer
-        self._poll = select.poll()
-        self._poll.register(connection.fileno(), select.POLLIN)
+        self.expect(LARGEST)
+
+    def expect(self, largest: int) -> None:
+        """Refuse messages of more bytes from now on; forget what has arrived of a message."""
+        self._incoming = msgpack.Unpacker(max_buffer_size=largest + _CHUNK)
 
     def fileno(self) -> int:
         """Return the socket's file descriptor, -1 after `close`."""
@@ -83,32 +82,19 @@ class Channel:
             ClosedError: The other side is gone.
         """
         while True:
-            frame = self._arrived()
-            if frame is not None:
-                return decode(frame)
             try:
-                count = self._socket.recv_into(self._buffer[self._end :])
+                for found in self._incoming:
+                    return message_of(found)
+                arrived = self._socket.recv(_CHUNK)
+                self._incoming.feed(arrived)
             except (BlockingIOError, InterruptedError):
                 return None
             except OSError as error:
                 raise ClosedError(str(error)) from error
-            if not count:
+            except (ValueError, msgpack.UnpackException) as error:
+                raise WireError(f"no message: {error}") from error
+            if not arrived:
                 raise ClosedError("the connection has ended")
-            self._end += count
-
-    def _arrived(self) -> bytearray | None:
-        """Return the next frame if it is complete; else make room for more."""
-        begin, end = self._begin, self._end
-        size = frame_size(self._buffer[begin : begin + 4], self.largest) if end - begin >= 4 else 4
-        if end - begin >= size > 4:
-            self._begin, self._end = (0, 0) if begin + size == end else (begin + size, end)
-            return bytearray(self._buffer[begin : begin + size])
-        if begin:
-            self._buffer[: end - begin] = self._buffer[begin:end]
-            self._begin, self._end = 0, end - begin
-        elif end == len(self._buffer):  # it grows with what arrives, not with what is announced
-            self._buffer = memoryview(bytearray(self._buffer) + bytes(end))
-        return None
 
     def wait(self, until: float | None = None) -> Message:
         """Send what is left and return the next message.
@@ -122,19 +108,11 @@ class Channel:
             TimeoutError: The time is over.
         """
         self.flush()
-        message = self.receive() if self._begin < self._end else None
-        while message is None:
-            if not self._may_continue(until):
+        while (message := self.receive()) is None:
+            if not wait_for([self], until):
                 raise TimeoutError("no message has come in time")
             self.flush()
-            message = self.receive()
         return message
-
-    def _may_continue(self, until: float | None) -> bool:
-        """Wait until bytes have arrived, or what is left can be sent; return whether in time."""
-        if self.has_outgoing:
-            return bool(wait_for([self], until))
-        return bool(self._poll.poll(_milliseconds(until)))
 
     def end(self) -> None:
         """End the connection, whatever forked processes hold it too, and close the socket."""
@@ -154,11 +132,8 @@ def wait_for(channels: Iterable[Channel], until: float | None) -> list[Channel]:
         fd = channel.fileno()
         found[fd] = channel
         poll.register(fd, select.POLLIN | (select.POLLOUT if channel.has_outgoing else 0))
-    return [found[fd] for fd, _ in poll.poll(_milliseconds(until))]
-
-
-def _milliseconds(until: float | None) -> float | None:
-    return None if until is None else max(0.0, until - time.monotonic()) * 1000.0
+    left = None if until is None else max(0.0, until - time.monotonic()) * 1000.0
+    return [found[fd] for fd, _ in poll.poll(left)]
 
 
 __all__ = ["Channel", "ClosedError", "WireError", "wait_for"]

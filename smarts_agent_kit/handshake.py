@@ -46,7 +46,8 @@ def admit(channel: Channel, secret: str, has_room: Callable[[], bool] = lambda: 
         ClosedError: It is gone.
         TimeoutError: It is silent.
     """
-    channel.largest, until = LARGEST_GREETING, time.monotonic() + GREETING_TIME
+    channel.expect(LARGEST_GREETING)
+    until = time.monotonic() + GREETING_TIME
     own = os.urandom(32).hex()
     channel.send(Message("hello", {"version": VERSION, "nonce": own}))
     hello = channel.wait(until)
@@ -60,7 +61,7 @@ def admit(channel: Channel, secret: str, has_room: Callable[[], bool] = lambda: 
         raise BusyError(problem)
     proof = _proof(secret, "server", own, str(hello.values["nonce"]))
     channel.send(Message("proof", {"proof": proof}))
-    channel.largest = LARGEST
+    channel.expect(LARGEST)
 
 
 def greet(channel: Channel, secret: str, until: float) -> None:
@@ -78,7 +79,7 @@ def greet(channel: Channel, secret: str, until: float) -> None:
         ClosedError: It is gone.
         TimeoutError: It is silent.
     """
-    channel.largest = LARGEST_GREETING
+    channel.expect(LARGEST_GREETING)
     hello, own = channel.wait(until), os.urandom(32).hex()
     if hello.kind != "hello" or hello.values.get("version") != VERSION:
         raise RefusedError(f"it speaks version {hello.values.get('version')!r:.50}, not {VERSION}")
@@ -93,7 +94,7 @@ def greet(channel: Channel, secret: str, until: float) -> None:
         raise kind(f"{answer.values.get('problem')!s:.500}")
     if answer.kind != "proof" or not _is_same(answer, _proof(secret, "server", theirs, own)):
         raise RefusedError("it does not know the secret")
-    channel.largest = LARGEST
+    channel.expect(LARGEST)
 
 
 def _problem(hello: Message, secret: str, side: str, nonce: str) -> str:

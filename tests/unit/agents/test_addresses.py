@@ -150,7 +150,7 @@ def test_a_server_without_room_says_so_to_clients_that_know_the_secret():
 def test_before_the_proof_messages_are_short():
     near, far = socket.socketpair()
     with closing(near), closing(Channel(far)) as channel:
-        near.sendall(struct.pack("<I", 2**20))
+        near.sendall(b"\xc6" + struct.pack(">I", 2**20) + bytes(2**17))  # the first of so many bytes
         with pytest.raises(WireError):
             admit(channel, "")
 
