@@ -105,8 +105,9 @@ def _bases(counts: Iterable[int]) -> Ints:
 
 def _raised(parts: Iterable[NDArray], bases: NDArray) -> NDArray:
     """Join arrays of numbers, each raised by its base; -1 stays, since it means none."""
-    pairs = zip(parts, bases, strict=False)
-    return np.concatenate([np.where(part < 0, part, part + base) for part, base in pairs])
+    parts = [*parts]
+    whole, sizes = np.concatenate(parts), [len(part) for part in parts]
+    return np.where(whole < 0, whole, whole + np.repeat(bases[: len(parts)], sizes, axis=0))
 
 
 def pack_routes(
@@ -123,7 +124,9 @@ def pack_routes(
         return _raised((getattr(corridor, name) for corridor in corridors), bases)
 
     most = max((corridor.changes.shape[1] for corridor in corridors), default=1)
-    changes = [np.pad(c.changes, ((0, 0), (0, most - c.changes.shape[1]))) for c in corridors]
+    changes = np.zeros((row_base[-1], most), np.int8)
+    for first, corridor in zip(row_base.tolist(), corridors, strict=False):
+        changes[first : first + len(corridor.lane), : corridor.changes.shape[1]] = corridor.changes
     onward_start = _raised((corridor.onward_start[:-1] for corridor in corridors), onward_base)
     return RouteTable(
         number=np.zeros((0, 0), np.int32),
@@ -137,5 +140,5 @@ def pack_routes(
         onward=raised("onward", row_base),
         before=raised("before", row_base),
         by_lane=raised("by_lane", row_base),
-        changes=np.concatenate(changes) if changes else np.zeros((0, most), np.int8),
+        changes=changes,
     )

@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smarts.roads import agent_routes
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.routes import random_route
@@ -58,9 +57,7 @@ def check(routes, atlas, given):
     assert sum(map(len, groups)) == len(set().union(*groups))
 
 
-@pytest.mark.parametrize("spare", [1, 4096])
-def test_a_table_that_grows_is_as_a_new_one(atlas, spare, monkeypatch):
-    monkeypatch.setattr(agent_routes, "SPARE", spare)
+def test_a_table_that_grows_is_as_a_new_one(atlas):
     generator = stream(5, Purpose.STARTS, world=0, episode=0)
     routes = AgentRoutes(atlas, WORLDS, AGENTS)
     graph = atlas.graphs[1]
