@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Generator, Tensor, nn
 
-from algorithms.joint.batch import GroupView
+from algorithms.joint.batch import GroupView, JointView
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
@@ -63,7 +63,12 @@ class Policies:
     def _modules_and_views(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
         """Return the networks of all groups, and what their agents see."""
         groups = self._spec.groups
-        return [self._modules[g.id] for g in groups], [_group_view(g, view) for g in groups]
+        return [self._modules[g.id] for g in groups], self._views(view, groups)
+
+    def _views(self, view: View, groups: Sequence[Group]) -> list[GroupView]:
+        """Return what the agents of some groups see."""
+        every = JointView.of(self._spec, view)
+        return [every.view(group) for group in groups]
 
     def _concat_by_block(self, parts: Sequence[Any]) -> list[Any]:
         """Concatenate the tensors (B, n, ...) of all groups per block; None where groups have none."""
@@ -86,7 +91,8 @@ class Policies:
         if stacked is not None:
             outputs = stacked(leaves)
         elif first.memory_size:
-            pairs = [self._modules[g.id].forward_recurrent(_group_view(g, view)) for g in groups]
+            views = self._views(view, groups)
+            pairs = [self._modules[g.id].forward_recurrent(x) for g, x in zip(groups, views, strict=True)]
             outputs, memory = (self._in_agent_order(block, parts) for parts in zip(*pairs, strict=True))
             return first.head.act(outputs, action_mask, exploration, generator)._replace(memory=memory)
         else:
@@ -98,7 +104,7 @@ class Policies:
         own = self._by_block[block]
         kind = type(self._modules[own[0].id])
         groups = self._spec.groups if kind.communicates else own
-        outputs = kind.policies([self._modules[g.id] for g in groups], [_group_view(g, view) for g in groups])
+        outputs = kind.policies([self._modules[g.id] for g in groups], self._views(view, groups))
         parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
         return self._in_agent_order(block, parts)
 
@@ -125,12 +131,3 @@ class Policies:
             return None
         stacked = StackedPerceptrons(perceptrons)
         return lambda leaves: stacked(encoder(leaves))
-
-
-def _group_view(group: Group, view: View) -> GroupView:
-    leaves, mask = view.observations[group.block], view.masks[group.block]
-    return GroupView(
-        {name: torch.from_numpy(leaf)[:, group.within] for name, leaf in leaves.items()},
-        torch.from_numpy(view.alive)[:, group.columns],
-        None if mask is None else torch.from_numpy(mask)[:, group.within],
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,9 @@ from algorithms.errors import CheckpointError
 from algorithms.joint.batch import GroupView
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.spec import Group
+
+DESCRIBED = "class_and_ctor_args.pkl"
+"""File in a network's folder, in which RLlib says how it is made."""
 
 
 class ReferencePolicy:
@@ -31,13 +34,7 @@ class ReferencePolicy:
         networks = "learner_group/learner/rl_module"
         places = Path(run, "checkpoint", networks), Path(run, networks), Path(run)
         folder = next((place for place in places if place.is_dir()), places[0])
-        found = sorted(folder.glob("*/class_and_ctor_args.pkl"))
-        described = {file.parent: cloudpickle.loads(file.read_bytes()) for file in found}
-        made = {
-            place.name: restored(given, cloudpickle.loads((place / "module_state.pkl").read_bytes()))
-            for place, given in described.items()
-            if not issubclass(given["class"], LearnerModule)
-        }
+        made = policies_in(file.parent for file in folder.glob(f"*/{DESCRIBED}"))
         only = next(iter(made.values())) if len(made) == 1 else None
         self._modules: dict[str, Any] = {group: made.get(group, only) for group in policies}
         for group, policy in policies.items():
@@ -56,13 +53,27 @@ class ReferencePolicy:
         return head.distribution(torch.cat(outputs, 1), torch.cat(masks, 1) if masks else None)
 
 
-def restored(described: Mapping[str, Any], state: Mapping[str, Any]) -> Any:
-    """Return a network as a checkpoint describes it, with its weights."""
-    given = described["ctor_args_and_kwargs"][1]
-    wanted = {key: given[key] for key in ("observation_space", "action_space", "model_config")}
-    module = described["class"](**wanted, inference_only=True)
-    module.set_state(state)
-    return module
+def _read(file: Path) -> Any:
+    return cloudpickle.loads(file.read_bytes())
+
+
+def policies_in(networks: Iterable[Path], read: Callable[[Path], Any] = _read) -> dict[str, Any]:
+    """Return the policies among a checkpoint's networks by group, with their weights.
+
+    Args:
+        networks: Folder of each.
+        read: What reads their files.
+    """
+    found = {}
+    for folder in sorted(networks):
+        described = read(folder / DESCRIBED)
+        if not issubclass(described["class"], LearnerModule):  # critics, mixers
+            given = described["ctor_args_and_kwargs"][1]
+            wanted = {key: given[key] for key in ("observation_space", "action_space", "model_config")}
+            found[folder.name] = module = described["class"](**wanted, inference_only=True)
+            module.set_state(read(folder / "module_state.pkl"))
+            module.eval()
+    return found
 
 
 def _fits(there: JointModule, here: JointModule) -> bool:

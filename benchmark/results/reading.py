@@ -39,7 +39,7 @@ from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, VERDICTS
 from benchmark.results.run_folder import FINISHED, SCENARIOS, TABLE, RunFolder
 from smarts.errors import OwnCodeError, SmartsError
-from smarts.registry import file_name, import_own, is_own_name
+from smarts.registry import import_own, is_own_name
 
 RUNS, PROGRESS = "runs.json", "progress.parquet"
 PLACE = "place"
@@ -251,17 +251,11 @@ def _load_metrics(experiment: Experiment, problems: dict[str, str]) -> None:
 
 
 def _expected(experiment: Experiment) -> Iterator[RunResult]:
-    for algorithm, task_setting, seed in trainings_of(experiment):
-        place = training_folder(algorithm, task_setting, seed).as_posix()
-        yield RunResult(
-            file_name(algorithm), task_setting.task.name, task_setting.traffic, seed, place, NOT_BEGUN
-        )
-    for each in scripted_runs_of(experiment):
-        task_setting = each.task_setting
-        place = each.folder.as_posix()
-        yield RunResult(
-            each.label, task_setting.task.name, task_setting.traffic, SCRIPTED_SEED, place, NOT_BEGUN
-        )
+    places = [training_folder(*each) for each in trainings_of(experiment)]
+    places += [each.folder for each in scripted_runs_of(experiment)]
+    for place in places:
+        if names := names_of(place):
+            yield RunResult(*names, place.as_posix(), NOT_BEGUN)
 
 
 def _packed(root: Path) -> Iterator[RunResult]:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointStep, VectorJointEnv
 from algorithms.joint.fitting import Agents, fitted_weights
-from algorithms.joint.module import LearnerModule
 from algorithms.joint.policies import Policies
-from algorithms.joint.reference import restored
+from algorithms.joint.reference import policies_in
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import SPEC, JointSpec
@@ -45,13 +44,8 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
     built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
     config = config_of(run)
     check_signature(built["config"].checkpoint_signature(), config.checkpoint_signature())
-    folders = sorted((checkpoint / "learner_group" / "learner" / "rl_module").glob("*/"))
-    described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}
-    made = {
-        folder.name: _module(folder, given)
-        for folder, given in described.items()
-        if not issubclass(given["class"], LearnerModule)  # critics, mixers
-    }
+    with _quiet():
+        made = policies_in((checkpoint / "learner_group/learner/rl_module").glob("*/"), unpickled)
     groups = [group.id for group in next(iter(made.values())).spec.groups]
     made = {group: made[group] for group in groups}
     is_same = len(made[groups[0]].spec.agents) == run.task_setting.environment.agent_count
@@ -77,14 +71,6 @@ def _for_agents(run: Run, made: Mapping[str, Any], config: Any, place: str) -> d
         module.set_state(weights)
         module.eval()
     return {group.id: fresh[group.id] for group in spec.groups}
-
-
-def _module(folder: Path, described: Mapping[str, Any]) -> Any:
-    """Return a network, as it is described, with the weights of a checkpoint."""
-    with _quiet():
-        module = restored(described, unpickled(folder / "module_state.pkl"))
-    module.eval()
-    return module
 
 
 @contextmanager
