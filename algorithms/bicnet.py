@@ -148,8 +148,7 @@ class BiCNetLearner(OffPolicyLearner):
         following = batch.next
         with torch.no_grad():
             chosen = self.relaxed(following, self.outputs(following, "target_actor"))
-            value = torch.where(batch.bootstrap, self.values(following, chosen, "target_q"), 0)
-            target = self.config.reward_scale * batch.rewards + self.gamma * value
+            target = self.td_target(batch, self.values(following, chosen, "target_q"))
         loss = self.mean((self.values(batch, batch.encoded_actions(), "q") - target).square(), batch.alive)
         self.step_optimizer(loss, *(critic_of(group) for group in present))
         for group in present:

@@ -134,8 +134,7 @@ class DQNLearner(OffPolicyLearner):
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
-            following = torch.where(own.bootstrap, self.next_value(net, *self.following(net, own)), 0)
-            target = self.config.reward_scale * own.rewards + self.gamma * following
+            target = self.td_target(own, self.next_value(net, *self.following(net, own)))
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             loss = self.mean(error if batch.weights is None else error * batch.weights[:, None], own.alive)
             if group.id not in absent:

@@ -158,8 +158,8 @@ class MAACLearner(OffPolicyLearner):
             actions = chosen[group.id]
             value = of_actions(following[group.id], actions)
             soft = value - self.config.alpha * policies[group.id].log_prob(actions)
-            target = self.config.reward_scale * own.rewards + self.gamma * torch.where(own.bootstrap, soft, 0)
-            errors[group.id] = (of_actions(values[group.id], own.actions) - target).square()
+            error = of_actions(values[group.id], own.actions) - self.td_target(own, soft)
+            errors[group.id] = error.square()
         loss = self.mean(batch.join(errors), batch.alive)
         self.step_optimizer(loss, CRITIC)
         self.log(CRITIC, "critic_loss", loss)

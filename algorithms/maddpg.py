@@ -171,8 +171,7 @@ class MADDPGLearner(OffPolicyLearner):
         for group, own in batch.present():
             critic = self.net(critic_of(group))
             with torch.no_grad():
-                value = critic.target_q(following, acts, chosen=own.bootstrap)
-                target = self.config.reward_scale * own.rewards + self.gamma * value
+                target = self.td_target(own, critic.target_q(following, acts, chosen=own.bootstrap))
             losses[critic_of(group)] = self.mean(
                 (critic.q(batch, taken, chosen=own.alive) - target).square(), own.alive
             )

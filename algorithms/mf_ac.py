@@ -24,12 +24,10 @@ from torch import Tensor
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import ReplayBatch
 from algorithms.joint.features import MEAN_ACTION, common_actions
-from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
-from algorithms.joint.neighbours import Neighbourhood
 from algorithms.maac import MAACModule, of_actions
 from algorithms.maddpg import ObservationNetwork
-from algorithms.mf_q import MeanFieldConfig, mean_actions
+from algorithms.mf_q import MeanFieldConfig, MeanFieldLearner, mean_actions
 
 
 class MeanFieldCritic(LearnerModule):
@@ -44,13 +42,8 @@ class MeanFieldCritic(LearnerModule):
         self.q = ObservationNetwork(replace(self.group, observation=seen), self.settings["hidden"], actions)
 
 
-class MeanFieldACLearner(OffPolicyLearner):
+class MeanFieldACLearner(MeanFieldLearner):
     """Critic steps for all groups, then policy steps for all groups, then targets."""
-
-    def build(self) -> None:
-        """Build modules, and what tells neighbours."""
-        super().build()
-        self.neighbourhood = Neighbourhood(self.spec.spaces, self.config.graph)
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the steps of one minibatch."""
@@ -67,9 +60,7 @@ class MeanFieldACLearner(OffPolicyLearner):
             with torch.no_grad():
                 following = critic.target_q({**own.next.observations, **mean})
                 policy = self.net(group.id).distribution(own.next, target=True)
-                value = (policy.log_probs.exp() * following).sum(-1)
-                target = self.config.reward_scale * own.rewards
-                target = target + self.gamma * torch.where(own.bootstrap, value, 0)
+                target = self.td_target(own, (policy.log_probs.exp() * following).sum(-1))
             chosen = of_actions(critic.q({**own.observations, **mean}), own.actions)
             losses[critic_of(group)] = self.mean((chosen - target).square(), own.alive)
             self.log(group.id, "critic_loss", losses[critic_of(group)])

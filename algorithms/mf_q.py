@@ -74,13 +74,17 @@ def mean_actions(batch: ReplayBatch, neighbourhood: Neighbourhood) -> Tensor:
     return mean_over(neighbourhood.of(batch), batch.join(batch.encoded_actions()))
 
 
-class MeanFieldQLearner(OffPolicyLearner):
-    """Temporal-difference steps with the mean action, group by group."""
+class MeanFieldLearner(OffPolicyLearner):
+    """Knows the neighbours over which means are taken."""
 
     def build(self) -> None:
         """Build modules, and what tells neighbours."""
         super().build()
         self.neighbourhood = Neighbourhood(self.spec.spaces, self.config.graph)
+
+
+class MeanFieldQLearner(MeanFieldLearner):
+    """Temporal-difference steps with the mean action, group by group."""
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target, then targets."""
@@ -90,9 +94,7 @@ class MeanFieldQLearner(OffPolicyLearner):
             with torch.no_grad():
                 following = net.target_q(own.next.observations)
                 policy = net.head.distribution(following, own.next.action_mask)
-                value = (policy.log_probs.exp() * following).sum(-1)
-                target = self.config.reward_scale * own.rewards
-                target = target + self.gamma * torch.where(own.bootstrap, value, 0)
+                target = self.td_target(own, (policy.log_probs.exp() * following).sum(-1))
             chosen = of_actions(net.q(self._updated_at(batch, group, own)), own.actions)
             losses[group.id] = self.mean((chosen - target).square(), own.alive)
             self.log(group.id, "td_loss", losses[group.id])

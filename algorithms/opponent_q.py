@@ -177,8 +177,7 @@ class OpponentQLearner(OffPolicyLearner):
             alone, pairs = net.q(own.observations)
             values = alone + (pairs * taken[:, None, None]).sum((-1, -2))
             chosen = values.gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
-            following = torch.where(own.bootstrap, self.next_value(net, own.next), 0)
-            target = self.config.reward_scale * own.rewards + self.gamma * following
+            target = self.td_target(own, self.next_value(net, own.next))
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             losses[group.id] = self.mean(error, own.alive)
             self.log(group.id, "td_loss", losses[group.id])

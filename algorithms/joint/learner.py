@@ -18,6 +18,7 @@ from algorithms.joint.batch import (
     JointView,
     OnPolicyBatch,
     ReplayBatch,
+    ReplayGroup,
     cut_sequences,
     shuffled_minibatches,
     to_tensor,
@@ -347,6 +348,10 @@ class OffPolicyLearner(JointTorchLearner):
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
         raise NotImplementedError
+
+    def td_target(self, own: ReplayBatch | ReplayGroup, following: Tensor) -> Tensor:
+        """Return r + gamma v, with v (M, n) the values of what follows, where anything does."""
+        return self.config.reward_scale * own.rewards + self.gamma * torch.where(own.bootstrap, following, 0)
 
     def make_replay(self) -> JointReplay:
         """Return an empty replay buffer: of sequences, where policies are recurrent."""

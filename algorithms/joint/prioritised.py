@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from algorithms.joint.batch import ReplayBatch
-from algorithms.joint.env import Floats, Ints
+from algorithms.joint.env import Ints
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import JointSpec
@@ -52,11 +52,6 @@ class PrioritisedReplay(JointReplay):
         scaled = self._scaled[: len(self)]
         weights = (scaled[rows] / scaled.min()) ** -self._beta
         return self.batch(rows, device, weights=torch.from_numpy(weights.astype(np.float32)).to(device))
-
-    def weights(self) -> Floats:
-        """Return the importance weight of every stored transition, 1 at most."""
-        scaled = self._scaled[: len(self)]
-        return (scaled / scaled.min()) ** -self._beta
 
     def reprioritise(self, rows: Tensor, surprise: Tensor) -> None:
         """Set the priorities of the transitions at these places.

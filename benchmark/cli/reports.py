@@ -100,7 +100,7 @@ def compare(
         with_distinct_names,
     )
     from benchmark.report.ranking import RANKED_BY
-    from benchmark.report.values import csv_number
+    from benchmark.report.values import as_csv
     from benchmark.report.wording import pairs_notes
     from benchmark.results.files import write_whole
 
@@ -119,8 +119,7 @@ def compare(
     for line in runs_apart(first, second):
         typer.echo(f"note: {line}", err=True)
     if csv is not None:
-        text = found.to_csv(index=False, float_format=csv_number, lineterminator="\n")
-        write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
+        write_whole(csv, lambda file: file.write_text(as_csv(found), encoding="utf-8"))
     typer.echo(_shown(found))
     for note in pairs_notes(found["note"]):
         typer.echo(f"note: {note}", err=True)

@@ -166,6 +166,11 @@ def _without_wrong_intervals(values: Frame, table: Frame) -> Frame:
     return answer
 
 
+def as_csv(table: pd.DataFrame) -> str:
+    """Return a table as files have it, with numbers by `csv_number`."""
+    return table.to_csv(index=False, float_format=csv_number, lineterminator="\n")
+
+
 def csv_number(number: float) -> str:
     """Return a number as CSV files have it: six figures, and no negative zero."""
     return f"{number:z.6g}"

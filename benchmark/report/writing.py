@@ -16,7 +16,7 @@ from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import summaries_of
 from benchmark.report.tables import CONDITION_COLUMNS, condition_rows
-from benchmark.report.values import csv_number
+from benchmark.report.values import as_csv, csv_number
 from benchmark.results.files import ResultsError, replaced_folder
 from benchmark.results.reading import REPORT, read_results
 
@@ -73,23 +73,21 @@ def values_csv(values: Frame) -> str:
     terms = [
         "; ".join(f"{name}={csv_number(value)}" for name, value in each.items()) for each in values["terms"]
     ]
-    return values.assign(terms=terms).to_csv(index=False, float_format=csv_number, lineterminator="\n")
+    return as_csv(values.assign(terms=terms))
 
 
 def conditions_csv(report: Report) -> dict[str, str]:
     """Return the table "By condition"; no file without one."""
     if not (rows := condition_rows(report)):
         return {}
-    return {
-        CONDITIONS: pd.DataFrame(rows, columns=[*CONDITION_COLUMNS]).to_csv(index=False, lineterminator="\n")
-    }
+    return {CONDITIONS: as_csv(pd.DataFrame(rows, columns=[*CONDITION_COLUMNS]))}
 
 
 def robustness_csv(robustness: Robustness) -> dict[str, str]:
     """Return a row for each task, policy, partner or condition, and rate; no file if nothing was played."""
     if not len(robustness.values):
         return {}
-    return {ROBUSTNESS: robustness.values.to_csv(index=False, float_format=csv_number, lineterminator="\n")}
+    return {ROBUSTNESS: as_csv(robustness.values)}
 
 
 def differences_csv(report: Report) -> str:
@@ -101,9 +99,7 @@ def differences_csv(report: Report) -> str:
         named = found.drop(columns="wins").assign(better=better).rename(columns={"pairs": "starts"})
         named.insert(0, "mode", mode)
         parts.append(named)
-    return pd.concat(parts, ignore_index=True).to_csv(
-        index=False, float_format=csv_number, lineterminator="\n"
-    )
+    return as_csv(pd.concat(parts, ignore_index=True))
 
 
 def _check_free(folder: Path) -> None:

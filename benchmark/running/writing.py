@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from hashlib import blake2b
 from typing import Any
@@ -52,6 +52,7 @@ class RunWriter:
     def __init__(self, run: Run | ScriptedRun, folder: RunFolder, loggers: Sequence[str] = ()) -> None:
         self._run, self._folder, self._names = run, folder, loggers
         self._loggers: dict[str, Any] = {}
+        """Those that have begun, or will, and have not failed."""
         self._inputs: dict[str, Any] = {}
         has_begun = folder.status is not None
         folder.open(run.content())
@@ -102,26 +103,27 @@ class RunWriter:
                     print(f"{self._run}: {begun}{unfit}", file=sys.stderr)
             case Line(columns):
                 add_progress(self._folder.progress, columns)
-                for name in self._names:
-                    self._tell(name, partial(self._add, name, columns))
+                self._tell(lambda name: self._loggers[name].add(columns))
             case Kept(place, content):
                 self._folder.keep(place, content)
         return None
 
     def close(self) -> None:
         """Write what is left; may be called again."""
+        self._tell(lambda name: self._loggers.pop(name).close())
         for name in self._names:
-            self._tell(name, partial(self._end, name))
             logger_thread(name).wait()
 
-    def _tell(self, name: str, call: Callable[[], None]) -> None:
-        """Call a logger in its thread."""
-        logger_thread(name).add(partial(self._try, name, call))
+    def _tell(self, call: Callable[[str], object]) -> None:
+        """Call every logger by its name, in its thread."""
+        for name in self._names:
+            logger_thread(name).add(partial(self._try, name, call))
 
-    def _try(self, name: str, call: Callable[[], None]) -> None:
+    def _try(self, name: str, call: Callable[[str], object]) -> None:
         """Call a logger; what fails, as where a server is gone, is left out from then on."""
         try:
-            call()
+            if name in self._loggers:
+                call(name)
         except Exception as error:  # whatever a package of others raises
             self._loggers.pop(name, None)
             print(f"note: {self._run}: the logger {name} has failed: {error}", file=sys.stderr)
@@ -141,19 +143,8 @@ class RunWriter:
             self._folder.note(**self._inputs)
         state = self._folder.training_state()
         lines = begin_progress(self._folder.progress, state["iteration"] if state else 0)
-        for name in self._names:
-            self._tell(name, partial(self._start_logger, name, self._logged(), lines))
-
-    def _start_logger(self, name: str, logged: Logged, lines: Sequence[Mapping[Any, Any]]) -> None:
-        self._loggers[name] = LOGGERS[name](logged, lines)
-
-    def _add(self, name: str, line: Mapping[Any, Any]) -> None:
-        if name in self._loggers:
-            self._loggers[name].add(line)
-
-    def _end(self, name: str) -> None:
-        if name in self._loggers:
-            self._loggers.pop(name).close()
+        self._loggers, logged = dict.fromkeys(self._names), self._logged()
+        self._tell(lambda name: self._loggers.update({name: LOGGERS[name](logged, lines)}))
 
     def _logged(self) -> Logged:
         """Return the training as loggers show it."""
