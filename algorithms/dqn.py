@@ -25,7 +25,7 @@ from algorithms.joint.batch import GroupView, ReplayBatch, ReplayGroup
 from algorithms.joint.config import JointConfig
 from algorithms.joint.env import MEMORY
 from algorithms.joint.learner import OffPolicyLearner
-from algorithms.joint.module import JointModule, without_memory
+from algorithms.joint.module import JointModule, encoder_of
 from algorithms.joint.prioritised import PrioritisedReplay
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.spec import Group
@@ -42,7 +42,7 @@ class QNetwork(nn.Module):
         self, group: Group, hidden: tuple[int, ...], actions: int, *, duelling: bool, memory: int = 0
     ) -> None:
         super().__init__()
-        self.encoder = Encoder(without_memory(group.observation), group.places, group.set_width)
+        self.encoder = encoder_of(group)
         self.trunk = perceptron([self.encoder.size, *hidden], nn.ReLU)
         if hidden:
             self.trunk.append(nn.ReLU())

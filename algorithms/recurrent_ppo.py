@@ -27,11 +27,11 @@ from algorithms.centralised_v import CRITIC, CentralisedV, CentralisedVConfig, C
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch, to_tensor
 from algorithms.joint.env import MEMORY
 from algorithms.joint.joint_encoder import JointEncoder
-from algorithms.joint.module import LearnerModule, critic_of, without_memory
+from algorithms.joint.module import LearnerModule, critic_of, encoder_of
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.moments import RunningMoments
-from algorithms.parts.networks import Encoder, orthogonal, perceptron
+from algorithms.parts.networks import orthogonal, perceptron
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
 
 CRITIC_MEMORY = "@critic_memory"
@@ -76,9 +76,7 @@ class RecurrentLocalValue(RecurrentValue):
 
     def make_features(self) -> int:
         """Create the encoder."""
-        self.encoder = Encoder(
-            without_memory(self.group.observation), self.group.places, self.group.set_width
-        )
+        self.encoder = encoder_of(self.group)
         return self.encoder.size
 
     def features(self, view: GroupView) -> Tensor:

@@ -116,9 +116,7 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
 
         A recurrent policy is `body(memory(trunk(encoder(observations))))`.
         """
-        self.encoder = Encoder(
-            without_memory(self.group.observation), self.group.places, self.group.set_width
-        )
+        self.encoder = encoder_of(self.group)
         sizes = [self.encoder.size, *self.settings["hidden"]]
         if self.memory_size:
             self.trunk = orthogonal(perceptron(sizes), gain=np.sqrt(2), last=np.sqrt(2)).append(nn.Tanh())
@@ -206,6 +204,7 @@ class LearnerModule(ConfiguredModule):
         self.make_targets()
 
 
-def without_memory(leaves: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the leaves that come from the environment."""
-    return {name: leaf for name, leaf in leaves.items() if name != MEMORY}
+def encoder_of(group: Group) -> Encoder:
+    """Return a new encoder of what a group's agents see, without their memory."""
+    seen = {name: leaf for name, leaf in group.observation.items() if name != MEMORY}
+    return Encoder(seen, group.places, group.set_width)
