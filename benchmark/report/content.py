@@ -58,10 +58,8 @@ class TableCell:
     """Comparison with the paper; None where one of the two has no figure or interval."""
     reasons: tuple[str, ...]
     """Why the comparison with the paper does not count."""
-    rank: int | None
-    """Rank among the learning algorithms of the column with the same protocol; None without another one."""
-    is_tied: bool
-    """Whether one of the same rank is neither better nor worse."""
+    standing: Standing
+    """Among the learning algorithms of the column with the same protocol."""
     unlike: str = ""
     """Why its runs must not be averaged or compared, or on which engine they were tested if not on SUMO."""
     steps: int | None = None
@@ -75,7 +73,7 @@ class TableCell:
     @property
     def is_best(self) -> bool:
         """Whether it is ranked, and no other algorithm's checkpoints are better."""
-        return self.rank == 1
+        return self.standing.rank == 1
 
 
 @dataclass(frozen=True)
@@ -243,7 +241,6 @@ class Report:
         completion = self.value(name, task, traffic, mode, "completion_rate")
         theirs = self.printed(name, task, traffic)
         ours = self._figures(name, task, traffic, mode)
-        standing = standings.get(name, UNRANKED)
         comparison = compare_with(theirs, *ours) if ours else None
         return TableCell(
             task,
@@ -253,8 +250,7 @@ class Report:
             theirs,
             comparison,
             tuple(self._reasons((name, task, traffic), mode, theirs, comparison)),
-            standing.rank,
-            standing.is_tied,
+            standings.get(name, UNRANKED),
             self.marks.get((name, task, traffic), ""),
             self.other_steps.get((name, task, traffic)),
         )

@@ -78,10 +78,9 @@ class Place(Labelled):
     experiment: str
     algorithm: str
     paradigm: str
-    rank: int | None
-    """None for scripted policies and submissions that know the test, without a figure, and without another
-    algorithm at equal starts."""
-    is_tied: bool
+    standing: Standing
+    """Without a rank for scripted policies and submissions that know the test, without a figure, and without
+    another algorithm at equal starts."""
     completion: Value
     collision: Value
     own: tuple[Value, ...] = ()
@@ -246,8 +245,7 @@ def _places(
             standing = standings.get(entry, UNRANKED)
             place = Place(
                 *(letter, task, traffic, experiment, algorithm, kind),
-                standing.rank,
-                standing.is_tied,
+                standing,
                 *rates[entry],
                 own=tuple(rows[entry][len(RANKED_BY) :]),
                 status=max((each.status for each in known[entry]), key=STATUSES.index, default=""),

@@ -123,9 +123,9 @@ def count(cell: TableCell) -> str:
 
 def rank_text(cell: TableCell) -> str:
     """Return the rank, with what it shares; empty without one."""
-    if cell.rank is None:
+    if cell.standing.rank is None:
         return ""
-    return f"rank {cell.rank}{', tie' if cell.is_tied else ''}"
+    return f"rank {cell.standing.rank}{', tie' if cell.standing.is_tied else ''}"
 
 
 def has_counterparts(report: Report) -> bool:

@@ -44,7 +44,10 @@ def test_ranks_over_experiments(tmp_path):
     two = experiment(tmp_path / "two", {"ppo": GOOD, "maddpg": SLOW})
     board = make_leaderboard([one, two])
     assert [*board.protocols] == ["A"]
-    found = {(place.experiment, place.algorithm): (place.rank, place.is_tied) for place in board.places}
+    found = {
+        (place.experiment, place.algorithm): (place.standing.rank, place.standing.is_tied)
+        for place in board.places
+    }
     # Completion decides; where nobody arrives, collisions do.
     assert found == {
         ("one", "ppo"): (1, True),
@@ -53,7 +56,7 @@ def test_ranks_over_experiments(tmp_path):
         ("one", "dqn"): (4, False),
         ("one", "parked"): (None, False),
     }
-    assert [place.rank for place in board.places] == [1, 1, 3, 4, None]
+    assert [place.standing.rank for place in board.places] == [1, 1, 3, 4, None]
     paradigms = {place.algorithm: place.paradigm for place in board.places}
     assert paradigms["ppo"] == "fully decentralised"
     assert paradigms["maddpg"] == "centralised training, decentralised execution"
@@ -65,7 +68,7 @@ def test_protocols_are_not_mixed(tmp_path):
     two = experiment(tmp_path / "two", {"dqn": BAD}, budget={"agent_steps": 7, "minutes": None})
     board = make_leaderboard([one, two])
     assert board.protocols == {"A": "budget.agent_steps 1000", "B": "budget.agent_steps 7"}
-    assert {(place.algorithm, place.protocol, place.rank) for place in board.places} == {
+    assert {(place.algorithm, place.protocol, place.standing.rank) for place in board.places} == {
         ("ppo", "A", None),  # first of one is no rank
         ("parked", "A", None),
         ("dqn", "B", None),
@@ -114,7 +117,10 @@ def test_what_a_version_prescribes_is_one_protocol(tmp_path):
     of_version_1(tmp_path / "two", "dqn", "two_way_v1", 1_000_000, "all")
     board = make_leaderboard([tmp_path / "one", tmp_path / "two"])
     found = {
-        (place.experiment, place.algorithm, place.task): (board.protocols[place.protocol], place.rank)
+        (place.experiment, place.algorithm, place.task): (
+            board.protocols[place.protocol],
+            place.standing.rank,
+        )
         for place in board.places
     }
     assert found["one", "networked_q", "two_way_v1"][1] == found["one", "dqn", "two_way_v1"][1] == 1

@@ -123,7 +123,7 @@ def test_a_cells_numbers(folder):
     assert (cell.completion.n, cell.completion.episodes, cell.completion.seeds) == (8, 4, 1)
     assert figures(cells_of(report, "ppo", "sampled")["intersection", ALONE]) == "1.00 / 0.00"
     reference = cells_of(report, "keep_lane", "sampled")["intersection", ALONE]
-    assert (figures(reference), reference.printed, reference.rank) == ("1.00 / 0.00", (), None)
+    assert (figures(reference), reference.printed, reference.standing.rank) == ("1.00 / 0.00", (), None)
     missing = cells_of(report, "ppo")["intersection", SOCIAL]
     assert (figures(missing), missing.comparison, printed_text(missing.printed)) == ("", None, "0.5 / 0.45")
 
@@ -237,7 +237,8 @@ def test_ranks_and_ties(tmp_path):
     report = report_of(tmp_path)
     ranks = {}
     for row in report.main_table("greedy"):
-        ranks[row.algorithm] = (row.cells[0].rank, row.cells[0].is_tied, row.cells[0].is_best)
+        cell = row.cells[0]
+        ranks[row.algorithm] = (cell.standing.rank, cell.standing.is_tied, cell.is_best)
     assert ranks == {
         "dqn": (1, True, True),
         "ppo": (3, False, False),
@@ -281,7 +282,7 @@ def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(
     reason = "seeds were not trained alike"
     report = report_of(tmp_path)
     cells = {row.algorithm: row.cells[0] for row in report.main_table("greedy")}
-    assert {name: (cell.unlike, cell.rank) for name, cell in cells.items()} == {
+    assert {name: (cell.unlike, cell.standing.rank) for name, cell in cells.items()} == {
         **{"dqn": (reason, None), "ppo": ("", 1), "maac": ("", 1)}
     }
     assert not cells["dqn"].counts
@@ -323,7 +324,7 @@ def test_the_scenario_of_most_runs_is_compared(tmp_path):
         write_test(tmp_path, name, PERFECT, scenarios={"intersection": digest})
     cells = [row.cells[0] for row in report_of(tmp_path).main_table("greedy")]
     reason = "scenarios differ between runs"
-    assert [(cell.unlike, cell.rank) for cell in cells] == [
+    assert [(cell.unlike, cell.standing.rank) for cell in cells] == [
         *[("", 1), ("", 1)],
         *[(reason, None), (reason, None)],
     ]

@@ -266,7 +266,7 @@ def test_who_knows_the_test_has_no_rank(tmp_path, monkeypatch):
     for root, out in zip(roots[1:], outs[1:], strict=True):
         verified(root, out, episodes=2)
     board = make_leaderboard(outs)
-    assert {each.algorithm: (each.rank, each.knows_test) for each in board.places} == {
+    assert {each.algorithm: (each.standing.rank, each.knows_test) for each in board.places} == {
         "first": (None, True),
         "second": (1, False),
         "third": (1, False),
