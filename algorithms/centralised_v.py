@@ -70,7 +70,7 @@ class CentralisedVLearner(PPOLearner):
         critic = self.net(CRITIC)
         error = (critic.value(batch) - critic.moments.scaled(batch.targets)).square()
         loss = self.mean(error, batch.alive)
-        if len(batch.absent()) < len(self.groups):
+        if len(batch.absent) < len(self.groups):
             self.step_optimizer(loss, CRITIC)
         self.log(CRITIC, "value_loss", loss)
 

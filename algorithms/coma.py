@@ -174,7 +174,7 @@ class COMALearner(OnPolicyLearner):
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Fit the critic, then step every policy."""
-        if len(batch.absent()) == len(self.groups):
+        if len(batch.absent) == len(self.groups):
             return
         taken = batch.encoded_actions()
         for _ in range(self.config.critic_steps):
@@ -193,10 +193,8 @@ class COMALearner(OnPolicyLearner):
         """Follow grad log pi^a(u^a) A^a(s, u) of every policy (eq. 4)."""
         with torch.no_grad():
             values = self.net(CRITIC).q(batch, taken)
-        absent, losses = batch.absent(), {}
-        for group, own in batch.groups():
-            if group.id in absent:
-                continue
+        losses = {}
+        for group, own in batch.present():
             policy = self.distribution(group.id, own)
             advantage = counterfactual_advantage(values[group.id], policy, own.actions).detach()
             losses[group.id] = -self.mean(policy.log_prob(own.actions) * advantage, own.alive)

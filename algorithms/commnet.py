@@ -130,8 +130,7 @@ class CommNetLearner(A2CLearner):
             self.log(net.group.id, "policy_loss", mean_loss)
             self.log(net.group.id, "entropy", entropy)
             self.log(net.group.id, "value_loss", fit)
-        absent = batch.absent()
-        self.step_optimizer(total, *(group.id for group in self.groups if group.id not in absent))
+        self.step_optimizer(total, *(group.id for group in self.groups if group.id not in batch.absent))
 
 
 class CommNetConfig(A2CConfig):

@@ -130,14 +130,14 @@ class DQNLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
-        losses, surprise, absent = {}, {}, batch.absent()
+        losses, surprise = {}, {}
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             target = self.td_target(own, self.next_value(net, *self.following(net, own)))
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             loss = self.mean(error if batch.weights is None else error * batch.weights[:, None], own.alive)
-            if group.id not in absent:
+            if group.id not in batch.absent:
                 losses[group.id] = loss
                 self.log(group.id, "td_loss", loss)
             surprise[group.id] = (chosen - target).detach().abs()

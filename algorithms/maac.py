@@ -81,7 +81,7 @@ class AttentionQ(nn.Module):
             actions: All agents' actions by group id, one-hot (M, n, A).
         """
         embeddings = cast(Iterable[AgentEmbedding], self.embeddings)
-        parts, absent = [view.view(group) for group in self._groups], view.absent()
+        parts, absent = [view.view(group) for group in self._groups], view.absent
         embedded = [
             [
                 without_gradient_if(group.id in absent, x)

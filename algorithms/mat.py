@@ -182,7 +182,7 @@ class MATLearner(PPOLearner):
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Take one step on the sum of policy, value and entropy losses."""
-        if batch.absent():
+        if batch.absent:
             return
         ((group, own),) = batch.groups()
         net = self.net(group.id)

@@ -236,8 +236,7 @@ class MAVENLearner(QMIXLearner):
         log_prob = policy.log_prob(latent_of(first).argmax(-1))
         gain = self.mean(log_prob * moments.scaled(returns), every)
         entropy = self.mean(policy.entropy(), every)
-        absent = first.absent()
-        present = [group.id for group in self.groups if group.id not in absent]
+        present = [group.id for group in self.groups if group.id not in first.absent]
         self.step_optimizer(-gain - self.config.latent_entropy * entropy, *present)
         self.log(DISCRIMINATOR, "latent_entropy", entropy)
 

@@ -156,8 +156,8 @@ class OpponentQLearner(OffPolicyLearner):
 
     def fit_models(self, view: JointView, deeds: Tensor) -> None:
         """Take a step on the cross-entropy of what the others did."""
-        absent, losses = view.absent(), {}
-        for group in (group for group in self.groups if group.id not in absent):
+        losses = {}
+        for group in (group for group in self.groups if group.id not in view.absent):
             own, net = view.view(group), self.net(group.id)
             expected = net.model(own.observations)
             did = deeds[:, None, :, None].expand(*expected.shape[:-1], 1)

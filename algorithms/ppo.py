@@ -106,7 +106,7 @@ class PPOLearner(OnPolicyLearner):
 
     def step_policies(self, batch: OnPolicyBatch, stacks: tuple[StackedGroups, ...]) -> None:
         """Take one step of the policies of these groups."""
-        losses, stepped, absent = [], [], batch.absent()  # momentum would move absent ones all the same
+        losses, stepped = [], []
         for stack in stacks:
             own = batch.part(stack.whole)
             count = self.parallel.count(stack.counts(own.alive))
@@ -126,7 +126,7 @@ class PPOLearner(OnPolicyLearner):
                 loss = loss + nearness * torch.where(own.alive, away, 0)
                 reports["kl_to_reference"] = away
             losses.append((stack.sums(loss, own.alive) / count).sum())
-            present = stack.present(absent)
+            present = stack.present(batch.absent)
             stepped += [group.id for group in present]
             for name, each in reports.items():
                 self._log_present(stack, present, name, stack.sums(each.detach(), own.alive) / count)
@@ -151,7 +151,7 @@ class PPOLearner(OnPolicyLearner):
 
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
-        losses, stepped, absent = [], [], batch.absent()
+        losses, stepped = [], []
         for stack in self.stacked_values:
             own = batch.part(stack.whole)
             targets = own.targets.split([group.size for group in stack.groups], -1)
@@ -162,7 +162,7 @@ class PPOLearner(OnPolicyLearner):
             error = (self._scaled_values(stack, own) - torch.cat(scaled, -1)).square()
             means = stack.sums(error, own.alive) / self.parallel.count(stack.counts(own.alive))
             losses.append(means.sum())
-            present = stack.present(absent)
+            present = stack.present(batch.absent)
             stepped += [critic_of(group) for group in present]
             self._log_present(stack, present, "value_loss", means)
         if stepped:

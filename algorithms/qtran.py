@@ -102,8 +102,7 @@ class QTRANLearner(VDNLearner):
         means = {name: self.mean(part.expand_as(there), there) for name, part in parts.items()}
         loss = means["td_loss"] + self.config.lambda_opt * means["opt_loss"]
         loss = loss + self.config.lambda_nopt * means["nopt_loss"]
-        absent = batch.absent()
-        self.step_optimizer(loss, *(name for name in self.trained() if name not in absent))
+        self.step_optimizer(loss, *(name for name in self.trained() if name not in batch.absent))
         for name, mean in means.items():
             self.log(JOINT, name, mean)
         self.polyak_update(*self.trained(), tau=self.config.tau)

@@ -41,9 +41,8 @@ class VDNLearner(TeamLearner, DQNLearner):
             target = self.reward(batch) + self.gamma * value
         # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
         loss = self.mean((total - target).square(), batch.alive.any(-1))
-        absent = batch.absent()
         total_loss = loss + self.penalty(batch, values)
-        self.step_optimizer(total_loss, *(name for name in self.trained() if name not in absent))
+        self.step_optimizer(total_loss, *(name for name in self.trained() if name not in batch.absent))
         self.log(self.groups[0].id, "td_loss", loss)
         self.polyak_update(*self.trained(), tau=self.config.tau)
 

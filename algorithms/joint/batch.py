@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 import torch
@@ -142,15 +142,12 @@ class JointView:
         """Return what a group's agents see."""
         return GroupView(*self._seen(group), **self._order(group))
 
+    @cached_property
     def absent(self) -> frozenset[str]:
-        """Return the ids of the groups without an active agent in any row of the minibatch.
+        """Ids of the groups without an active agent in any row of the minibatch.
 
         A loss says nothing about them, but Adam's momentum would move their networks all the same.
         """
-        return self._absent
-
-    @cached_property
-    def _absent(self) -> frozenset[str]:
         active = (self.alive.any(0) if self.active is None else self.active).cpu().numpy()
         groups = self.spec.groups
         return frozenset(group.id for group in groups if not active[..., group.columns].any())
@@ -195,8 +192,11 @@ class JointView:
         )
 
 
+Part = TypeVar("Part", bound=GroupBatch)
+
+
 @dataclass(frozen=True)
-class JointBatch(JointView):
+class JointBatch(JointView, Generic[Part]):
     """M transitions of all N agents.
 
     Attributes:
@@ -208,6 +208,18 @@ class JointBatch(JointView):
     actions: tuple[Tensor, ...]
     rewards: Tensor
     bootstrap: Tensor
+
+    def part(self, group: Group) -> Part:
+        """Return a group's part."""
+        raise NotImplementedError
+
+    def groups(self) -> Iterator[tuple[Group, Part]]:
+        """Return every group with its part."""
+        return ((group, self.part(group)) for group in self.spec.groups)
+
+    def present(self) -> Iterator[tuple[Group, Part]]:
+        """Return every group to be stepped with its part: all but the `absent` ones."""
+        return ((group, self.part(group)) for group in self.spec.groups if group.id not in self.absent)
 
     def encoded_actions(self) -> dict[str, Tensor]:
         """Return the actions as critics see them by group id: one-hot (M, n, A) or raw (M, n, k)."""
@@ -224,7 +236,7 @@ class JointBatch(JointView):
 
 
 @dataclass(frozen=True)
-class OnPolicyBatch(JointBatch):
+class OnPolicyBatch(JointBatch[OnPolicyGroup]):
     """Transitions of one rollout; everything (M, N).
 
     Attributes:
@@ -243,14 +255,9 @@ class OnPolicyBatch(JointBatch):
         scores = self.log_prob[own], self.advantages[own], self.targets[own]
         return OnPolicyGroup(*self._seen(group), *self._done(group), *scores, **self._order(group))
 
-    def groups(self) -> Iterator[tuple[Group, OnPolicyGroup]]:
-        """Yield every group with its part."""
-        for group in self.spec.groups:
-            yield group, self.part(group)
-
 
 @dataclass(frozen=True)
-class ReplayBatch(JointBatch):
+class ReplayBatch(JointBatch[ReplayGroup]):
     """Transitions from replay.
 
     Attributes:
@@ -264,16 +271,10 @@ class ReplayBatch(JointBatch):
     rows: Tensor | None = field(default=None, kw_only=True)
     weights: Tensor | None = field(default=None, kw_only=True)
 
-    def groups(self) -> Iterator[tuple[Group, ReplayGroup]]:
-        """Yield every group with its part."""
-        for group in self.spec.groups:
-            parts = *self._seen(group), *self._done(group), self.next.view(group)
-            yield group, ReplayGroup(*parts, **self._order(group))
-
-    def present(self) -> Iterator[tuple[Group, ReplayGroup]]:
-        """Yield every group to be stepped with its part: all but the `absent` ones."""
-        absent = self.absent()
-        yield from ((group, own) for group, own in self.groups() if group.id not in absent)
+    def part(self, group: Group) -> ReplayGroup:
+        """Return a group's part."""
+        parts = *self._seen(group), *self._done(group), self.next.view(group)
+        return ReplayGroup(*parts, **self._order(group))
 
 
 def shuffled_minibatches(
