@@ -13,7 +13,7 @@ from benchmark.report.content import Report
 from benchmark.report.drawing import seeds_curve
 from benchmark.report.paper import algorithm_label
 from benchmark.report.ranking import RANKED_BY
-from benchmark.report.summary import Summaries
+from benchmark.report.summary import SCORES, Summaries
 from benchmark.report.values import Value
 from benchmark.results.commands import read_commands
 from benchmark.results.reading import RunResult
@@ -92,12 +92,9 @@ def rates(report: Report, summaries: Summaries, name: str) -> dict[str, Rate]:
     """Return completion and collision rate of a finished policy, means over its conditions."""
     places = places_of(report, name)
     beside = [x for x in report.scripted if x != name and {*places} <= {*places_of(report, x)}]
-    seeds = (
-        summaries.scores.get("completion", {}).get(name),
-        summaries.scores.get("no collision", {}).get(name),
-    )
     found = {}
-    for metric, scores in zip(RANKED_BY, seeds, strict=True):
+    for metric, score in zip(RANKED_BY, SCORES, strict=True):
+        scores = summaries.scores.get(score, {}).get(name)
         value = known(report, name, places[0], metric)
         ends = (value.low, value.high) if value and len(places) == 1 else (math.nan, math.nan)
         if len(places) > 1 and scores is not None and len(scores) > 1:
