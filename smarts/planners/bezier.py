@@ -8,9 +8,9 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at, wrapped
+from smarts.geometry.segments import segment_at
 from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
-from smarts.roads.curves import PIECES, pose_along, pose_on, stations_of
+from smarts.roads.curves import bends_of, curve_between, pose_along, stations_of
 
 _LONGER_HANDLES = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """Multiples of the handles that are tried, until the vehicle can drive the curve."""
@@ -84,57 +84,19 @@ def bezier_paths(
 
 
 @kernel
-def control_points(begin: Floats, end: Floats, longer: float) -> Floats:
-    """Return the control points of a curve between two poses, shape (4, 2).
-
-    Args:
-        begin: x, y [m], heading [rad].
-        end: The same.
-        longer: Multiple of an arc's handles.
-    """
-    turn = abs(wrapped(end[2] - begin[2]))
-    handle = longer * math.hypot(end[0] - begin[0], end[1] - begin[1]) / 3.0
-    if turn > 1e-3:
-        handle *= 2.0 * math.tan(0.25 * turn) / math.sin(0.5 * turn)
-    control = np.empty((4, 2))
-    control[0, 0], control[0, 1] = begin[0], begin[1]
-    control[1, 0] = begin[0] + handle * math.cos(begin[2])
-    control[1, 1] = begin[1] + handle * math.sin(begin[2])
-    control[2, 0], control[2, 1] = end[0] - handle * math.cos(end[2]), end[1] - handle * math.sin(end[2])
-    control[3, 0], control[3, 1] = end[0], end[1]
-    return control
-
-
-@kernel
-def bends_of(control: Floats, stations: Floats) -> Floats:
-    """Return the curvature of a curve at u = i / `PIECES` [1/m], without sign, shape (PIECES + 1,).
-
-    Each is the larger one of the two chords that meet there.
-    """
-    bends = np.zeros(PIECES + 1)
-    _, _, was = pose_on(control, 0.0)
-    for i in range(PIECES):
-        _, _, heading = pose_on(control, (i + 1) / PIECES)
-        bend = abs(wrapped(heading - was)) / max(stations[i + 1] - stations[i], 1e-9)
-        bends[i], bends[i + 1] = max(bends[i], bend), bend
-        was = heading
-    return bends
-
-
-@kernel
 def drivable_curve(begin: Floats, end: Floats, sharpest: float) -> tuple[Floats, Floats, Floats]:
     """Return the curve with the shortest handles that bends no more than `sharpest`, or the least bent one.
 
     Returns:
         The control points, shape (4, 2), the stations [m] and the bends [1/m], shape (PIECES + 1,) each.
     """
-    control = control_points(begin, end, _LONGER_HANDLES[0])
+    control = curve_between(begin, end[0], end[1], end[2], _LONGER_HANDLES[0])
     stations = stations_of(control)
     bends = bends_of(control, stations)
     for longer in _LONGER_HANDLES[1:]:
         if bends.max() <= sharpest:
             break
-        other = control_points(begin, end, longer)
+        other = curve_between(begin, end[0], end[1], end[2], longer)
         other_stations = stations_of(other)
         other_bends = bends_of(other, other_stations)
         if other_bends.max() < bends.max():

@@ -155,11 +155,7 @@ class SumoGate:
 
     def _length_onward(self, lane: int) -> float:
         """Return the length of a lane, or from one inside a junction to the end of the next road [m]."""
-        roads, length = self._roads, 0.0
-        while roads.is_internal[lane] and len(following := roads.successors(lane)):
-            length += float(roads.driven_length[lane])
-            lane = int(following[0])
-        return length + float(roads.driven_length[lane])
+        return sum(float(self._roads.driven_length[each]) for each in self._roads.way_across(lane))
 
     def _lean(self, slot: int, lane: int, position: float) -> float:
         """Return the angle of a vehicle to a lane on which its front is at SUMO's `position` [m] [rad]."""

@@ -37,14 +37,6 @@ def read_signals(folder: Path) -> Floats:
     return pd.read_parquet(file)[[*SIGNAL]].to_numpy(float) if file.exists() else NO_SIGNALS
 
 
-def way_across(roads: LaneGraph, lane: int) -> list[int]:
-    """Return a lane in a junction and those behind it, as far as to the first road lane."""
-    lanes = [lane]
-    while roads.is_internal[lanes[-1]] and len(after := roads.successors(lanes[-1])):
-        lanes.append(int(after[0]))
-    return lanes
-
-
 def lights_of(signals: Floats, roads: LaneGraph) -> tuple[Floats, int]:
     """Return what lanes in junctions show, and how many of the ways with signals are such lanes.
 
@@ -57,7 +49,7 @@ def lights_of(signals: Floats, roads: LaneGraph) -> tuple[Floats, int]:
     lanes, lines = [], []
     for lane in np.flatnonzero(roads.is_internal).tolist() if len(signals) else ():
         for origin in roads.predecessors(lane)[~roads.is_internal[roads.predecessors(lane)]].tolist():
-            parts = [roads.centreline(each) for each in (origin, *way_across(roads, lane))]
+            parts = [roads.centreline(each) for each in (origin, *roads.way_across(lane))]
             lines.append(shapely.LineString(np.concatenate(parts)))
             lanes.append(lane)
     if not lanes:

@@ -212,7 +212,8 @@ def _leg(graph: LaneGraph, kinds: frozenset[LaneKind], edge: int, following: int
     usable = _usable(graph, kinds)
     length, between = _lengths(graph, kinds, edge, following)
     lanes = [lane for lane in graph.edge_lanes(edge) if usable[lane]]
-    chains = [] if following < 0 else _chains(graph, lanes, following, usable)
+    ways = [[lane, *way] for lane in lanes for way in graph.ways_from(lane, usable)]
+    chains = [way for way in ways if graph.lane_edge[way[-1]] == following]
     inside = _junction_rows(graph, chains, between)
     rows = [*lanes, *sorted(inside)]
     ahead = [] if following < 0 else [lane for lane in graph.edge_lanes(following) if usable[lane]]
@@ -270,22 +271,6 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     start = np.concatenate(([0], np.cumsum(kept)))[graph.successor_start].astype(np.int32)
     unknown = np.full(len(lanes), np.nan)
     return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept], graph.kind)
-
-
-def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: Bools) -> list[list[int]]:
-    """Return the ways from the given lanes through the junction to an edge: lanes, both ends included."""
-    chains: list[list[int]] = []
-    open_chains = [[lane] for lane in reversed(lanes)]
-    while open_chains:
-        chain = open_chains.pop()
-        for successor in graph.successors(chain[-1])[::-1]:
-            if not usable[successor]:
-                continue
-            if graph.is_internal[successor]:
-                open_chains.append([*chain, int(successor)])
-            elif graph.lane_edge[successor] == edge:
-                chains.append([*chain, int(successor)])
-    return chains
 
 
 class _Inside(NamedTuple):

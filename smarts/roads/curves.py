@@ -30,8 +30,14 @@ def curve_into(roads: Roads, begin: Floats, lane: int, s: float) -> Floats:
         s: Where on its centreline the curve ends [m].
     """
     x, y, heading = pose_on_lane(roads, lane, s)
+    return curve_between(begin, x, y, heading, 1.0)
+
+
+@kernel
+def curve_between(begin: Floats, x: float, y: float, heading: float, longer: float) -> Floats:
+    """Return the control points of a curve from a pose to another, its handles `longer` than an arc's."""
     turn = abs(wrapped(heading - begin[2]))
-    handle = math.hypot(x - begin[0], y - begin[1]) / 3.0
+    handle = longer * math.hypot(x - begin[0], y - begin[1]) / 3.0
     if turn > 1e-3:
         handle *= 2.0 * math.tan(0.25 * turn) / math.sin(0.5 * turn)
     control = np.empty((4, 2))
@@ -93,12 +99,22 @@ def pose_along(control: Floats, stations: Floats, station: float) -> tuple[float
 
 
 @kernel
+def bends_of(control: Floats, stations: Floats) -> Floats:
+    """Return the curvature of a curve at u = i / `PIECES` [1/m], without sign, shape (PIECES + 1,).
+
+    Each is the larger one of the two chords that meet there.
+    """
+    bends = np.zeros(PIECES + 1)
+    _, _, was = pose_on(control, 0.0)
+    for i in range(PIECES):
+        _, _, heading = pose_on(control, (i + 1) / PIECES)
+        bend = abs(wrapped(heading - was)) / max(stations[i + 1] - stations[i], 1e-9)
+        bends[i], bends[i + 1] = max(bends[i], bend), bend
+        was = heading
+    return bends
+
+
+@kernel
 def sharpest_bend(control: Floats, stations: Floats) -> float:
     """Return the largest curvature of a curve [1/m]."""
-    sharpest = 0.0
-    _, _, was = pose_on(control, 0.0)
-    for i in range(1, PIECES + 1):
-        _, _, heading = pose_on(control, i / PIECES)
-        sharpest = max(sharpest, abs(wrapped(heading - was)) / (stations[i] - stations[i - 1]))
-        was = heading
-    return sharpest
+    return bends_of(control, stations).max()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -255,6 +255,26 @@ class LaneGraph:
     def predecessors(self, lane: int) -> Ints:
         """Return the lanes that lead into a lane."""
         return self.predecessor[self.predecessor_start[lane] : self.predecessor_start[lane + 1]]
+
+    def ways_from(self, lane: int, usable: Bools | None = None) -> Iterator[list[int]]:
+        """Yield the ways from a lane through the junction at its end: lanes inside it, and the one behind.
+
+        Args:
+            lane: Its end.
+            usable: Which lanes may be used; None for all.
+        """
+        for following in self.successors(lane).tolist():
+            if usable is not None and not usable[following]:
+                continue
+            onward = self.ways_from(following, usable) if self.is_internal[following] else [[]]
+            yield from ([following, *way] for way in onward)
+
+    def way_across(self, lane: int) -> list[int]:
+        """Return a lane and, of one in a junction, those behind it, as far as to the first road lane."""
+        lanes = [lane]
+        while self.is_internal[lanes[-1]] and len(after := self.successors(lanes[-1])):
+            lanes.append(int(after[0]))
+        return lanes
 
     @cached_property
     def has_levels(self) -> bool:

@@ -31,30 +31,15 @@ class EdgeGraph:
         self.onward: list[dict[int, float]] = [{} for _ in edges]
         """Edges that follow each edge, with the least cost of the junction between."""
         for lane in np.flatnonzero(usable & ~graph.is_internal):
-            for target, between in _exits(graph, int(lane), usable, lane_cost):
-                following = self.onward[graph.lane_edge[lane]]
-                edge = int(graph.lane_edge[target])
+            following = self.onward[graph.lane_edge[lane]]
+            for *inside, target in reversed([*graph.ways_from(int(lane), usable)]):
+                edge, between = int(graph.lane_edge[target]), sum(float(lane_cost[each]) for each in inside)
                 following[edge] = min(between, following.get(edge, np.inf))
 
 
 def names_of(kinds: Iterable[LaneKind]) -> str:
     """Return kinds of lanes as errors name them."""
     return ", ".join(sorted(kind.name for kind in kinds))
-
-
-def _exits(graph: LaneGraph, lane: int, usable: np.ndarray, lane_cost: np.ndarray) -> list[tuple[int, float]]:
-    """Return the road lanes behind the junction at the end of a lane, with the cost of crossing it."""
-    exits, ahead = [], [(int(lane), 0.0) for lane in graph.successors(lane)]
-    while ahead:
-        current, cost = ahead.pop()
-        if not usable[current]:
-            continue
-        if not graph.is_internal[current]:
-            exits.append((current, cost))
-        else:
-            total = cost + float(lane_cost[current])
-            ahead += [(int(following), total) for following in graph.successors(current)]
-    return exits
 
 
 CARS = frozenset({LaneKind.CAR})

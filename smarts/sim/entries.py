@@ -245,6 +245,4 @@ def _with_all_laps(
 
 def _edge_ahead(roads: LaneGraph, lane: int) -> str:
     """Return the id of the road edge that a lane belongs to or, inside a junction, leads into."""
-    while roads.is_internal[lane]:
-        lane = int(roads.successors(lane)[0])
-    return roads.edge_ids[roads.lane_edge[lane]]
+    return roads.edge_ids[roads.lane_edge[roads.way_across(lane)[-1]]]

@@ -154,20 +154,22 @@ def _lanes_of(
 ) -> Path:
     """Return the path of fewest lane changes over a route, empty if the roads have no room for them."""
     paths: dict[int, Path] = {begin.lane: ()}
+    usable = np.isin(roads.kind, [*CARS])
     for number, edge in enumerate(edges):
         left: dict[int, Path] = {}
         for lane, path in paths.items():
             first = begin.s if number == 0 else 0.0
             room = (end.s if number == len(edges) - 1 else float(roads.length[lane])) - first
             for other in roads.edge_lanes(edge):
-                if roads.kind[other] in CARS and abs(other - lane) * change_length <= room:
+                if usable[other] and abs(other - lane) * change_length <= room:
                     _keep_best(left, other, (*path, (lane, other)))
         if number == len(edges) - 1:
             return left.get(end.lane, ())
         paths = {}
         for lane, path in left.items():
-            for inside, target in _through(roads, lane, edges[number + 1]):
-                _keep_best(paths, target, (*path, *((each, each) for each in inside)))
+            for *inside, target in reversed([*roads.ways_from(lane, usable)]):
+                if roads.lane_edge[target] == edges[number + 1]:
+                    _keep_best(paths, target, (*path, *((each, each) for each in inside)))
     return ()
 
 
@@ -179,19 +181,6 @@ def _keep_best(paths: dict[int, Path], lane: int, path: Path) -> None:
 
 def _changes(path: Path) -> int:
     return sum(abs(last - first) for first, last in path)
-
-
-def _through(roads: LaneGraph, lane: int, following: int) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Yield the lanes through the junction at a lane's end, and the lane of the following road behind."""
-    ahead: list[tuple[int, tuple[int, ...]]] = [(int(each), ()) for each in roads.successors(lane)]
-    while ahead:
-        current, inside = ahead.pop()
-        if roads.kind[current] not in CARS:
-            continue
-        if roads.is_internal[current]:
-            ahead += [(int(each), (*inside, current)) for each in roads.successors(current)]
-        elif roads.lane_edge[current] == following:
-            yield inside, current
 
 
 def _timed(

@@ -37,12 +37,6 @@ def connecting_edge(roads: LaneGraph, begin: int, end: int) -> str:
 
 def _crossings(roads: LaneGraph, lane: int) -> list[tuple[int, int]]:
     """Return the first junction lane and the road lane behind the junction, for every way out of a lane."""
-    crossings = []
-    for inside in roads.successors(lane):
-        behind = int(inside)
-        # A long turn may have a second junction lane behind its waiting point.
-        while roads.is_internal[behind] and len(roads.successors(behind)):
-            behind = int(roads.successors(behind)[0])
-        if roads.is_internal[inside]:
-            crossings.append((int(inside), behind))
-    return crossings
+    inside = [each for each in roads.successors(lane).tolist() if roads.is_internal[each]]
+    # A long turn may have a second junction lane behind its waiting point.
+    return [(each, roads.way_across(each)[-1]) for each in inside]

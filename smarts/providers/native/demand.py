@@ -148,10 +148,7 @@ class Built:
     def _add_yields(self, number: int, root: Element) -> None:
         """Add which drivers wait for which at a map's junctions."""
         graph, base = self._maps[number], int(self._base[number])
-        target = list(range(len(graph.lane_ids)))
-        for lane in range(len(target)):
-            while graph.is_internal[target[lane]] and len(onward := graph.successors(target[lane])):
-                target[lane] = int(onward[0])
+        target = [graph.way_across(lane)[-1] for lane in range(len(graph.lane_ids))]
         pairs = read_responses(root, graph)
         known = set(pairs)
         rows = self._rows["yields"]

@@ -149,8 +149,7 @@ class Native(TrafficEngine):
         """Return a row of ways for a vehicle on a lane: of its planned route, else of a way on from there."""
         number, graph = int(self._world.map[row]), self._maps[self._world.map[row]]
         lane = max(lane - int(self._atlas.roads.lane_base[number]), 0)
-        while graph.is_internal[lane] and len(graph.successors(lane)):
-            lane = int(graph.successors(lane)[0])
+        lane = graph.way_across(lane)[-1]
         edge, planned = int(graph.lane_edge[lane]), int(self._world.vehicles.route[row, slot])
         edges = self._world.routes.edges(row, planned).tolist() if planned >= 0 else []
         onward = edges[edges.index(edge) :] if edge in edges else _way_on(graph, lane)

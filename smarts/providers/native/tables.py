@@ -101,8 +101,6 @@ def _make_lanes(atlas: RoadAtlas) -> tuple[Records, Records]:
     own["lit"] = np.concatenate([graph.signal >= 0 for graph in graphs])
     own["turns"] = np.concatenate([_turns(graph) for graph in graphs])
     own["waits"] = np.concatenate([_waits(graph) for graph in graphs])
-    leads = [_leads(graph) + base for graph, base in zip(graphs, roads.edge_base, strict=False)]
-    own["leads"] = np.concatenate(leads)
     for name in ("width", "speed", "left", "right", "inside", "junction"):
         own[name] = getattr(roads, f"lane_{name}")
     yields = np.isin(roads.conflict_yields, (Yields.THIS, Yields.BOTH))
@@ -115,6 +113,7 @@ def _make_lanes(atlas: RoadAtlas) -> tuple[Records, Records]:
     found = []
     for graph, base in zip(graphs, bases, strict=False):
         for lane in range(len(graph.lane_ids)):
+            own["leads"][base + lane] = roads.lane_edge[base + graph.way_across(lane)[-1]]
             found += [(other + base, until) for other, until in _siblings(graph, lane)]
             lanes["siblings"][base + lane + 1] = len(found)
     lanes["head"] = lanes["approach"] = -1
@@ -187,13 +186,3 @@ def _waits(graph: LaneGraph) -> NDArray:
         onward = graph.successors(lane)
         found[lane] = len(onward) > 0 and graph.is_internal[onward[0]]
     return found
-
-
-def _leads(graph: LaneGraph) -> NDArray:
-    """Return the edge that each lane is of, or leads into from a junction."""
-    following = np.arange(len(graph.lane_ids))
-    for _ in range(4):
-        for lane in np.flatnonzero(graph.is_internal[following]).tolist():
-            onward = graph.successors(int(following[lane]))
-            following[lane] = onward[0] if len(onward) else following[lane]
-    return graph.lane_edge[following]

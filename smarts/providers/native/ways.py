@@ -62,7 +62,8 @@ def route_rows(
     groups = [rows[begin:end] for begin, end in pairwise(first)]
     for group, following in zip(groups, onward, strict=True):
         for row in group:
-            row.chains = chains_to(graph, row.lane, uses[following])
+            ways = graph.ways_from(row.lane)
+            row.chains = [way for way in ways if graph.lane_edge[way[-1]] == uses[following]]
     if not repeats:
         _end(groups[-1], arrival)
     # The choice on a circuit's last edges depends on its first ones.
@@ -118,17 +119,6 @@ def _end(group: list[Row], arrival: tuple[int, float]) -> None:
             row.length += ARRIVES
         else:
             row.length = row.arrival
-
-
-def chains_to(graph: LaneGraph, lane: int, edge: int) -> list[list[int]]:
-    """Return the ways from a lane through the junction ahead to lanes of an edge, without the lane itself."""
-    found = []
-    for following in graph.successors(lane).tolist():
-        if graph.is_internal[following]:
-            found += [[following, *rest] for rest in chains_to(graph, following, edge)]
-        elif graph.lane_edge[following] == edge:
-            found.append([following])
-    return found
 
 
 def _choose_chain(graph: LaneGraph, row: Row, rows: list[Row], first: int, edge: int) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from smarts.recordings.reading import Source, tracks_of_rows
-from smarts.recordings.signals import way_across
 from smarts.recordings.tracks import SAMPLE, Tracks
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode_schema import EPISODE, NAMES, SIGNALS, VEHICLE, VEHICLES
@@ -40,6 +39,6 @@ def read(source: Source) -> Tracks:
         return tracks
     roads = LaneGraph.load(source.path.parent / "maps" / f"{digest}.npz")
     step, lane, state = signals.to_numpy(int).T
-    points = roads.point_start[[[each, way_across(roads, each)[-1] + 1] for each in lane.tolist()]]
+    points = roads.point_start[[[each, roads.way_across(each)[-1] + 1] for each in lane.tolist()]]
     places = roads.point_xy[points - [0, 1]].reshape(-1, 4)
     return replace(tracks, signals=np.column_stack([step * dt, places, state]))
