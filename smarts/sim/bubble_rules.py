@@ -19,7 +19,7 @@ from smarts.types.bubbles import BubbleStates, PlacedBubble
 from smarts.types.condition_state import ConditionState
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Events
-from smarts.types.transfers import NO_TRANSFERS, Reason, Refusal, Transfer, Transfers, transfers
+from smarts.types.transfers import Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -110,17 +110,17 @@ class BubbleRules:
                     self._look_for(row)
         self._is_busy = self._field.update(env_mask)
 
-    def propose(self, events: Events, env_mask: Bools) -> Transfers:
+    def propose(self, events: Events, env_mask: Bools) -> list[Transfer]:
         """Return the vehicles that agents are to observe, to drive, or to observe no longer."""
         if not self._is_busy:
-            return NO_TRANSFERS
+            return []
         is_busy = env_mask & (self._field.found + self._field.wishes > 0)
         proposed: list[Transfer] = []
         for row in np.flatnonzero(is_busy).tolist():
             proposed += self._drops(row)
             proposed += self._takes(row)
             proposed += self._shadows(row)
-        return transfers(proposed)
+        return proposed
 
     def _note_holds(self, env_mask: Bools) -> None:
         """Note the vehicles that agents announced for bubbles have begun to observe."""

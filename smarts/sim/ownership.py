@@ -6,8 +6,8 @@ hand-over is a write to one row: pose and speed stay as they are, and providers 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from smarts.sim.leaving import begin_leaving, drop_vanished, note_collisions
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.events import Contacts
-from smarts.types.transfers import NO_TRANSFERS, CarriedOut, Departure, Reason, Refusal, Transfers
+from smarts.types.transfers import CarriedOut, Departure, Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -57,9 +57,9 @@ class Unresolved(NamedTuple):
     """A `Refusal`."""
 
 
-def _key(transfer: Any) -> tuple[int, int, int]:
+def _key(transfer: Transfer) -> tuple[int, int, int]:
     """Return which vehicle a transfer is about, and why it changes hands."""
-    return int(transfer["slot"]), int(transfer["generation"]), int(transfer["reason"])
+    return transfer.slot, transfer.generation, transfer.reason
 
 
 class Ownership:
@@ -78,7 +78,7 @@ class Ownership:
     def __init__(self, world: World, drivers: Mapping[int, Driver], pool: AgentPool | None = None) -> None:
         self._world = world
         self._drivers, self._pool = drivers, pool
-        self._queue = NO_TRANSFERS
+        self._queue: list[Transfer] = []
         worlds = world.worlds
         self.refused: Ints = np.zeros((worlds, len(Refusal)), np.int32)
         """How many vehicles of the present episode were refused to change hands, by `Refusal`, each vehicle
@@ -95,7 +95,7 @@ class Ownership:
 
     def clear(self, row: int) -> None:
         """Forget the transfers that are pending in one simulation, and its counts."""
-        self._queue = self._queue[self._queue["row"] != row]
+        self._queue = [each for each in self._queue if each.row != row]
         self.refused[row] = self.departed[row] = 0
         self._refused[row].clear()
 
@@ -129,12 +129,11 @@ class Ownership:
         self._ask_to_release(answers, rows, slots)
         return answers
 
-    def submit(self, transfers: Transfers) -> None:
+    def submit(self, transfers: Iterable[Transfer]) -> None:
         """Put transfers in the queue; they happen when their simulation makes its next step."""
-        if len(transfers):
-            self._queue = np.concatenate([self._queue, transfers])
+        self._queue += transfers
 
-    def apply(self, env_mask: Bools, fresh: Bools | None = None) -> Sequence[Any]:
+    def apply(self, env_mask: Bools, fresh: Bools | None = None) -> Sequence[Transfer]:
         """Carry out the pending transfers of some simulations; return those that were refused.
 
         The fallback controller then drives the vehicles of agents that are done and still hold one.
@@ -150,15 +149,14 @@ class Ownership:
             fresh: Which agents have just acted (`Actions.fresh`), shape (B, A); None: all.
         """
         self.carried_out = []
-        refused = self._apply_pending(env_mask, fresh) if len(self._queue) else ()
+        refused = self._apply_pending(env_mask, fresh) if self._queue else ()
         self._begin_leaving(env_mask)
         return refused
 
-    def _apply_pending(self, env_mask: Bools, fresh: Bools | None) -> Sequence[Any]:
-        due = env_mask[self._queue["row"]]
-        pending, self._queue = self._queue[due], self._queue[~due]
-        order = np.lexsort([pending[name] for name in ("slot", "number", "to_agent", "reason", "row")])
-        pending = pending[order]
+    def _apply_pending(self, env_mask: Bools, fresh: Bools | None) -> Sequence[Transfer]:
+        pending = [each for each in self._queue if env_mask[each.row]]
+        self._queue = [each for each in self._queue if not env_mask[each.row]]
+        pending.sort(key=lambda each: (each.row, each.reason, each.to_agent, each.number, each.slot))
         refused = []
         for transfer, answer in zip(pending, self._answers(pending, fresh).tolist(), strict=True):
             refusal = self._carry_out(transfer) if answer == Refusal.NONE else answer
@@ -166,34 +164,36 @@ class Ownership:
                 self._count(transfer, refusal)
                 refused.append(transfer)
                 continue
-            before = self._refused[int(transfer["row"])].pop(_key(transfer), _NEVER)
+            before = self._refused[transfer.row].pop(_key(transfer), _NEVER)
             self.carried_out.append(CarriedOut(transfer, before.steps, before.last))
         return refused
 
-    def _count(self, transfer: Any, refusal: int) -> None:
+    def _count(self, transfer: Transfer, refusal: int) -> None:
         """Count a refusal."""
-        row = int(transfer["row"])
-        before = self._refused[row].get(_key(transfer), _NEVER)
+        refused = self._refused[transfer.row]
+        before = refused.get(_key(transfer), _NEVER)
         if not before.seen >> refusal & 1:
-            self.refused[row, refusal] += 1
-        self._refused[row][_key(transfer)] = _Refused(before.steps + 1, refusal, before.seen | 1 << refusal)
+            self.refused[transfer.row, refusal] += 1
+        refused[_key(transfer)] = _Refused(before.steps + 1, refusal, before.seen | 1 << refusal)
 
-    def _answers(self, pending: Transfers, fresh: Bools | None) -> Bytes:
+    def _answers(self, pending: Sequence[Transfer], fresh: Bools | None) -> Bytes:
         """Return the gates' answers to transfers, shape (T,); each new owner is asked once."""
         answers = np.full(len(pending), Refusal.NONE, np.int8)
-        changes = pending["to_owner"] != pending["from_owner"]
+        columns = [(each.row, each.slot, each.from_owner, each.to_owner) for each in pending]
+        rows, slots, before, after = np.array(columns, np.int32).reshape(-1, 4).T
         for owner, driver in self._drivers.items():
-            asked = changes & (pending["to_owner"] == owner)
+            asked = (before != after) & (after == owner)
             if asked.any():
-                answers[asked] = driver.can_accept(pending["row"][asked], pending["slot"][asked])
-        taken = np.flatnonzero(changes & (pending["to_owner"] == Owner.AGENT))
+                answers[asked] = driver.can_accept(rows[asked], slots[asked])
+        taken = np.flatnonzero((before != after) & (after == Owner.AGENT))
         if len(taken):
             answers_of_taken = answers[taken]
-            self._ask_to_release(answers_of_taken, pending["row"][taken], pending["slot"][taken])
+            self._ask_to_release(answers_of_taken, rows[taken], slots[taken])
             answers[taken] = answers_of_taken
         if fresh is not None and self._pool is not None:
-            for place in np.flatnonzero((pending["reason"] == Reason.TAKE) & (answers == Refusal.NONE)):
-                row, agent_id = int(pending["row"][place]), int(pending["to_agent"][place])
+            for place, (row, *_, agent_id, reason, _, _) in enumerate(pending):
+                if reason != Reason.TAKE or answers[place] != Refusal.NONE:
+                    continue
                 start = self._pool.start(row, agent_id) if agent_id != UNSET else None
                 if start is not None and start.policy >= 0 and not fresh[row, agent_id]:
                     answers[place] = Refusal.NO_ACTION
@@ -207,21 +207,20 @@ class Ownership:
             if isinstance(driver, KeepsVehicles) and asked.any():
                 answers[asked] = driver.can_release(rows[asked], slots[asked])
 
-    def _carry_out(self, transfer: Any) -> int:
+    def _carry_out(self, transfer: Transfer) -> int:
         """Carry out a transfer if nothing forbids it; return the `Refusal`, NONE if it was carried out."""
         if not (self._is_as_seen(transfer) and self._can_go(transfer)):
             return Refusal.STALE
-        row, slot, to_agent = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_agent"])
-        if self._pool and transfer["number"] != UNSET:
-            to_agent = self._pool.take(row, int(transfer["number"]))
+        row, slot, _, _, from_agent, owner, to_agent, _, number, departure = transfer
+        if self._pool and number != UNSET:
+            to_agent = self._pool.take(row, number)
             if to_agent == UNSET:
                 return Refusal.FULL
-        from_agent, owner = int(transfer["from_agent"]), int(transfer["to_owner"])
         if from_agent not in (UNSET, to_agent):
             self._release(row, from_agent)
         if owner == Owner.NOBODY:
             self._world.registry.dismiss(row, slot)
-            self.departed[row, int(transfer["departure"])] += 1
+            self.departed[row, departure] += 1
         else:
             self._assign(row, slot, owner, to_agent)
         return Refusal.NONE
@@ -239,26 +238,24 @@ class Ownership:
             if owner == Owner.AGENT:
                 vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
 
-    def _is_as_seen(self, transfer: Any) -> bool:
+    def _is_as_seen(self, transfer: Transfer) -> bool:
         """Return whether the vehicle's owner and agent are unchanged since the transfer was proposed."""
-        row, slot = int(transfer["row"]), int(transfer["slot"])
+        row, slot, generation, owner, agent_id, *_ = transfer
         vehicles, agents = self._world.vehicles, self._world.agents
-        if not vehicles.alive[row, slot] or vehicles.generation[row, slot] != transfer["generation"]:
+        if not vehicles.alive[row, slot] or vehicles.generation[row, slot] != generation:
             return False
         holders = np.flatnonzero(agents.slot[row] == slot)
-        agent_id = int(holders[0]) if len(holders) else UNSET
-        return agent_id == transfer["from_agent"] and vehicles.owner[row, slot] == transfer["from_owner"]
+        return agent_id == (holders[0] if len(holders) else UNSET) and vehicles.owner[row, slot] == owner
 
-    def _can_go(self, transfer: Any) -> bool:
+    def _can_go(self, transfer: Transfer) -> bool:
         """Return whether the new owner and the new agent fit, and that agent has no vehicle."""
-        row = int(transfer["row"])
-        owner, to_agent = int(transfer["to_owner"]), int(transfer["to_agent"])
-        has_agent = to_agent != UNSET or transfer["number"] != UNSET
+        row, owner, to_agent = transfer.row, transfer.to_owner, transfer.to_agent
+        has_agent = to_agent != UNSET or transfer.number != UNSET
         if owner == Owner.NOBODY:
             return not has_agent
         if owner == Owner.AGENT and not has_agent:
             return False
-        if to_agent in (UNSET, transfer["from_agent"]):
+        if to_agent in (UNSET, transfer.from_agent):
             return True
         agents = self._world.agents
         is_pooled = self._pool is not None and self._pool.interface_id[to_agent] != UNSET

@@ -279,7 +279,7 @@ class EpisodeRecorder:
         """Note the transfers, before the new holds, and which policies have failed."""
         world = frame.world
         for carried_out in frame.transfers:
-            row = int(carried_out.transfer["row"])
+            row = carried_out.transfer.row
             episode = self._episodes[row]
             if episode is not None:
                 step, numbers = int(world.step[row]), world.agents.agent[row]

@@ -59,14 +59,10 @@ class HandoverNotes:
             numbers: Numbers of the agents that have, or have had, the columns after the step, shape (A,).
         """
         transfer = carried_out.transfer
-        from_agent, to_agent = int(transfer["from_agent"]), int(transfer["to_agent"])
-        from_number = self._holder.get(from_agent, UNSET)
-        to_number = int(transfer["number"])
-        if to_agent != UNSET:
-            to_number = int(numbers[to_agent])
-        vehicle = (int(transfer[name]) for name in ("slot", "generation", "from_owner", "to_owner"))
-        refused = int(carried_out.refusals), int(carried_out.last_refusal)
-        why = int(transfer["reason"]), *refused, int(transfer["departure"])
+        from_number = self._holder.get(transfer.from_agent, UNSET)
+        to_number = transfer.number if transfer.to_agent == UNSET else int(numbers[transfer.to_agent])
+        vehicle = transfer.slot, transfer.generation, transfer.from_owner, transfer.to_owner
+        why = transfer.reason, carried_out.refusals, carried_out.last_refusal, transfer.departure
         self.transfers.append((step, *vehicle, from_number, to_number, *why))
 
     def take_bubbles(self, step: int, row: int, count: int, states: BubbleStates) -> None:

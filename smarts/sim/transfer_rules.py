@@ -17,7 +17,7 @@ from smarts.sim.leaving import find_leavers
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Events, Outcome
-from smarts.types.transfers import Departure, Reason, Refusal, Transfer, Transfers, transfers
+from smarts.types.transfers import Departure, Reason, Refusal, Transfer
 from smarts.types.vehicles import STANDING, Owner
 from smarts.types.world import World
 
@@ -57,13 +57,13 @@ class HandoverRules:
         """Forget what the conditions of one simulation's agents remember."""
         self._memory[row].clear()
 
-    def propose(self, events: Events, env_mask: Bools) -> Transfers:
+    def propose(self, events: Events, env_mask: Bools) -> list[Transfer]:
         """Return the transfers for the beginning of the next step."""
         proposed = [*self._leaves(env_mask)]
         if any(self._entries.waiting):
             for row in np.flatnonzero(env_mask).tolist():
                 proposed += self._takes(row)
-        return transfers(proposed)
+        return proposed
 
     def _leaves(self, env_mask: Bools) -> Iterator[Transfer]:
         """Yield the transfers of vehicles that their agents give up, home or out of the world."""

@@ -1,13 +1,9 @@
-"""Transfers: vehicles changing hands, as rows of one array."""
+"""Transfers: vehicles changing hands."""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from smarts.types.agent_states import UNSET
 
@@ -101,30 +97,11 @@ class Transfer(NamedTuple):
     """A `Departure`; of LEAVE."""
 
 
-TRANSFER = np.dtype(
-    [*zip(Transfer._fields, ["i4", "i4", "i4", "i1", "i2", "i1", "i2", "i1", "i4", "i1"], strict=True)]
-)
-"""A `Transfer` as a row of an array."""
-
-Transfers = NDArray[np.void]
-"""An array of dtype `TRANSFER`, shape (T,)."""
-
-
 class CarriedOut(NamedTuple):
     """A transfer that has been carried out."""
 
-    transfer: Any
-    """A row of an array of dtype `TRANSFER`."""
+    transfer: Transfer
     refusals: int = 0
     """Steps in which it was refused before."""
     last_refusal: int = Refusal.NONE
     """The `Refusal` of the last of them."""
-
-
-NO_TRANSFERS: Transfers = np.zeros(0, TRANSFER)
-NO_TRANSFERS.flags.writeable = False
-
-
-def transfers(rows: Sequence[Iterable[Any]]) -> Transfers:
-    """Return an array of transfers, each given by its columns in the order of `Transfer`."""
-    return np.array([Transfer(*row) for row in rows], TRANSFER) if rows else NO_TRANSFERS

@@ -6,7 +6,7 @@ import pytest
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import Reason, Transfer, transfers
+from smarts.types.transfers import Reason, Transfer
 from smarts.types.vehicles import Owner
 from tests.unit.env.social_stage import LANER, SOCIAL, Answers, keep, trap
 
@@ -74,7 +74,7 @@ def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
     driven = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
     slot = int(driven[world.vehicles.speed[0, driven].argmax()])
     generation = int(world.vehicles.generation[0, slot])
-    ownership.submit(transfers([taking(played, slot)]))
+    ownership.submit([taking(played, slot)])
     for _ in range(10):
         played.step()
         assert world.vehicles.owner[0, slot] == Owner.AGENT
@@ -83,7 +83,7 @@ def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
         assert apart < 0.1
         assert change < 0.95
     release = Transfer(0, slot, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
-    ownership.submit(transfers([release]))
+    ownership.submit([release])
     for _ in range(10):
         played.step()
         assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
@@ -98,14 +98,14 @@ def test_an_agent_is_asked_in_the_step_in_which_it_enters_whoever_had_its_column
     played.reset()
     world, ownership = played.world, played.parts.ownership
     first, second = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)[:2].tolist()
-    ownership.submit(transfers([taking(played, first)]))
+    ownership.submit([taking(played, first)])
     played.step()
     world.agents.period[0, SOCIAL] = 50
     world.agents.next_due[0, SOCIAL] = 51
     played.step(5)
     generation = int(world.vehicles.generation[0, first])
     leave = Transfer(0, first, generation, Owner.AGENT, SOCIAL, Owner.NOBODY, -1, Reason.LEAVE)
-    ownership.submit(transfers([taking(played, second), leave]))
+    ownership.submit([taking(played, second), leave])
     played.step()
     assert played.slot == second
     asked = [(int(request.batch.step[0]), bool(request.batch.is_first[0])) for _, request in answers.asked]

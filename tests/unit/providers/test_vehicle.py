@@ -11,7 +11,7 @@ from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.sstudio import types as t
 from smarts.types.actions import KINKED, CommandMode
 from smarts.types.agent_states import AgentStatus
-from smarts.types.transfers import Reason, Refusal, transfers
+from smarts.types.transfers import Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
 from tests.vehicle_stage import ego
@@ -65,7 +65,7 @@ class TestHandOver:
         world = driven.world
         generation = int(world.vehicles.generation[0, slot])
         row = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, agent_id, Reason.TAKE)
-        driven.made.ownership.submit(transfers([row]))
+        driven.made.ownership.submit([Transfer(*row)])
 
     @pytest.mark.parametrize(
         ("model", "yaw_rate"), [("bullet", 0.0), ("bullet", 0.2), ("dynamic", 0.2), ("kinematic", 0.2)]
@@ -92,7 +92,7 @@ class TestHandOver:
         driven.step()
         generation = int(driven.world.vehicles.generation[0, 0])
         row = (0, 0, generation, Owner.AGENT, 0, Owner.TRAFFIC, -1, Reason.RELEASE)
-        driven.made.ownership.submit(transfers([row]))
+        driven.made.ownership.submit([Transfer(*row)])
         driven.step()
         assert not driven.vehicles.fleet.motion.active.any()
         before = driven.world.vehicles.position[0, 0].copy()

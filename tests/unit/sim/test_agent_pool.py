@@ -22,7 +22,7 @@ from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Outcome
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import Reason, Refusal, Transfer, transfers
+from smarts.types.transfers import Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner
 from tests.worlds import Willing
 
@@ -118,12 +118,12 @@ def test_the_vehicle_stays_traffic_where_the_pool_is_full(make):
     first, second, third = free_to_take(parts, 1)[:3]
     ownership, taken = parts.ownership, announced(parts, 1, first)
     refused = announced(parts, 1, second)
-    ownership.submit(transfers([announced(parts, 1, third, interface=1), refused, taken]))
+    ownership.submit([announced(parts, 1, third, interface=1), refused, taken])
     step(parts)
     assert vehicles.owner[1, [first, second, third]].tolist() == [Owner.AGENT, Owner.TRAFFIC, Owner.AGENT]
     assert [pool.name(1, agent_id) for agent_id in range(4)] == ["agent-0", "social", "social~3", ""]
     open_gate(parts)
-    ownership.submit(transfers([released(parts, 1, 1), refused]))
+    ownership.submit([released(parts, 1, 1), refused])
     step(parts)
     assert vehicles.owner[1, [first, second]].tolist() == [Owner.TRAFFIC, Owner.AGENT]
     assert pool.name(1, 1) == "social~2"
@@ -329,7 +329,7 @@ def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp
     for number in range(60):
         if number in (5, 30):
             slot = driven_by_traffic(parts, 0)[0]
-            parts.ownership.submit(transfers([announced(parts, 0, slot, f"at {number}")]))
+            parts.ownership.submit([announced(parts, 0, slot, f"at {number}")])
         active = world.agents.slot[0, 1] >= 0
         parts.actions.given[0, 1] = parts.actions.fresh[0, 1] = active
         step(parts)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from smarts.sim.ownership import Ownership
 from smarts.types.agent_states import AgentStatus
-from smarts.types.transfers import Reason, Refusal, transfers
+from smarts.types.transfers import Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -48,7 +48,7 @@ class Case:
                 self.world.vehicles.route[row, slot] = 7
 
     def submit(self, *rows):
-        self.ownership.submit(transfers(rows))
+        self.ownership.submit([Transfer(*row) for row in rows])
 
     def apply(self, *rows, mask=ALL):
         """Return how many were refused."""

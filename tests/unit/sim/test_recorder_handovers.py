@@ -13,7 +13,7 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.bubbles import COUNTS, BubbleStates, PlacedBubble
 from smarts.types.episode import AgentStart
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import CarriedOut, Reason, Refusal, Transfer, transfers
+from smarts.types.transfers import CarriedOut, Reason, Refusal, Transfer
 from smarts.types.vehicles import Owner
 from tests.unit.sim.test_recorder_by_hand import EGO, Recording
 from tests.worlds import Car
@@ -53,7 +53,7 @@ class Handovers(Recording):
         transfer = Transfer(
             0, slot, generation, from_owner, from_agent, to_owner, to_agent, reason, number=number
         )
-        return CarriedOut(transfers([transfer])[0], **more)
+        return CarriedOut(transfer, **more)
 
 
 CARS = [(100.0, "ego", EGO), (120.0, "first", None), (140.0, "second", None)]
