@@ -130,7 +130,7 @@ class EpisodeEncoder:
         flags, steering = self._of_agents(number, vehicles, tables.get(AGENT_STATES.name))
         position = np.stack([vehicles["x"], vehicles["y"]], -1) - self._origin
         heading, speed = vehicles["heading"], vehicles["speed"]
-        motion = Motion.of(number, vehicles["step"], position, heading, speed, steering, flags)
+        motion = Motion(number, vehicles["step"], *position.T, heading, speed, steering, flags)
         return self._stamped([*messages, steps_message(steps, motion, compress=not is_live)])
 
     def forget_others(self, slot: NDArray, generation: NDArray) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools, Ints
 from smarts.stream.arrays import packed_array, packed_runs
 
 PER_METRE = 100
@@ -28,57 +28,27 @@ collided."""
 
 _FARTHEST = float(1 << 30)
 """The largest number of units of any column."""
-_COLUMNS = "x", "y", "heading", "speed", "steer"
+_UNITS = {"x": PER_METRE, "y": PER_METRE, "heading": PER_RADIAN, "speed": PER_METRE, "steer": PER_RADIAN}
 """Columns that are packed as runs."""
 
 
 class Motion(NamedTuple):
-    """Rows of vehicles and steps, ordered by number, then step; shape (N,) each."""
+    """Rows of vehicles and steps, shape (N,) each."""
 
-    number: Ints
+    number: NDArray
     """The stream's short name of the vehicle."""
-    step: Ints
-    x: Ints
-    """Position from the map's origin [cm]."""
-    y: Ints
-    heading: Ints
-    """Counter-clockwise from +x [0.1 degree]."""
-    speed: Ints
-    """[cm/s]"""
-    steer: Ints
-    """Angle of the front wheels, positive to the left [0.1 degree]; 0 where unknown."""
-    flags: NDArray[np.uint16]
+    step: NDArray
+    x: NDArray
+    """Position from the map's origin [m]."""
+    y: NDArray
+    heading: NDArray
+    """Counter-clockwise from +x [rad]."""
+    speed: NDArray
+    """[m/s]"""
+    steer: NDArray
+    """Angle of the front wheels, positive to the left [rad]; 0 where unknown."""
+    flags: NDArray
     """The owner in `OWNER_BITS`, and the bits behind."""
-
-    @classmethod
-    def of(
-        cls,
-        number: NDArray,
-        step: NDArray,
-        position: Floats,
-        heading: NDArray,
-        speed: NDArray,
-        steer: NDArray,
-        flags: NDArray,
-    ) -> Motion:
-        """Return rows from SI units, in any order; `position` is relative to the origin, shape (N, 2)."""
-        order = np.lexsort((step, number))
-
-        def whole(values: NDArray, per_unit: float) -> Ints:
-            # Values that are not finite are of vehicles that failed: they stay where 0 is.
-            units = np.nan_to_num(values[order].astype(np.float64) * per_unit, posinf=0.0, neginf=0.0)
-            return np.rint(np.clip(units, -_FARTHEST, _FARTHEST)).astype(np.int32)
-
-        return cls(
-            number[order].astype(np.int32),
-            step[order].astype(np.int32),
-            whole(position[:, 0], PER_METRE),
-            whole(position[:, 1], PER_METRE),
-            whole(heading, PER_RADIAN),
-            whole(speed, PER_METRE),
-            whole(steer, PER_RADIAN),
-            flags[order].astype(np.uint16),
-        )
 
 
 def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict[str, Any]:
@@ -86,11 +56,12 @@ def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict
 
     Args:
         steps: Their numbers, increasing, shape (K,).
-        motion: Motion of these steps.
+        motion: Motion of these steps, its rows in any order.
         compress: Whether to spend time on making it small.
     """
-    begin = np.searchsorted(steps, motion.step)
-    first = _first_of_runs(motion.number, begin)
+    order = np.lexsort((motion.step, motion.number))
+    number, begin = motion.number[order], np.searchsorted(steps, motion.step[order])
+    first = _first_of_runs(number, begin)
     starts = np.flatnonzero(first)
 
     def plain(values: NDArray, kind: type) -> dict[str, Any]:
@@ -99,20 +70,21 @@ def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict
     message = {
         "type": "steps",
         "step": plain(steps, np.int32),
-        "number": plain(motion.number[starts], np.uint32),
-        "flags": plain(motion.flags, np.uint16),
+        "number": plain(number[starts], np.uint32),
+        "flags": plain(motion.flags[order], np.uint16),
     }
     if len(steps) > 1:
         message |= {
             "begin": plain(begin[starts], np.uint16),
             "count": plain(np.diff(starts, append=len(first)), np.uint16),
         }
-    return message | {
-        name: packed_runs(
-            getattr(motion, name), first, turn=TURN if name == "heading" else 0, compress=compress
-        )
-        for name in _COLUMNS
-    }
+    for name, per_unit in _UNITS.items():
+        # Values that are not finite are of vehicles that failed: they stay where 0 is.
+        units = getattr(motion, name)[order].astype(np.float64) * per_unit
+        units = np.clip(np.nan_to_num(units, posinf=0.0, neginf=0.0), -_FARTHEST, _FARTHEST)
+        whole = np.rint(units).astype(np.int32)
+        message[name] = packed_runs(whole, first, turn=TURN if name == "heading" else 0, compress=compress)
+    return message
 
 
 def _first_of_runs(number: NDArray, place: NDArray) -> Bools:

@@ -27,7 +27,7 @@ def random_rows(seed, vehicles=12, steps=40):
 @given(compress=st.booleans(), seed=st.integers(0, 2**32), first=st.integers(0, 10**6))
 def test_rows_come_back_within_half_a_unit(compress, seed, first):
     number, step, position, heading, speed, steer, flags = random_rows(seed)
-    motion = Motion.of(number, step + first, position, heading, speed, steer, flags)
+    motion = Motion(number, step + first, *position.T, heading, speed, steer, flags)
     steps = np.arange(first, first + 40)
     found = motion_of(unpack(pack(steps_message(steps, motion, compress=compress))))
     order = np.lexsort((step, number))
@@ -45,7 +45,7 @@ def test_headings_are_unwrapped_within_a_run():
     heading = np.radians([170, 179, -172, -163, 178])
     zeros = np.zeros(5)
     steps = np.array([0, 1, 2, 3, 5])
-    motion = Motion.of(zeros, steps, np.zeros((5, 2)), heading, zeros, zeros, zeros)
+    motion = Motion(zeros, steps, zeros, zeros, heading, zeros, zeros, zeros)
     found = motion_of(steps_message(np.arange(6), motion))
     # Step 4 is missing, so a new run begins at step 5.
     assert found.heading.tolist() == [1700, 1790, 1880, 1970, 1780]
@@ -55,7 +55,7 @@ def test_headings_are_unwrapped_within_a_run():
 def test_what_is_not_finite_or_very_far_is_sent_as_numbers(steps):
     step = np.arange(steps)
     position = np.stack([np.full(steps, np.inf), np.full(steps, 1e12)], -1)
-    numbers = [step * 0, step, position, step + np.nan, step - np.inf, step * 0.0, step * 0]
-    found = motion_of(unpack(pack(steps_message(step, Motion.of(*numbers)))))
+    numbers = [step * 0, step, *position.T, step + np.nan, step - np.inf, step * 0.0, step * 0]
+    found = motion_of(unpack(pack(steps_message(step, Motion(*numbers)))))
     assert found.x.tolist() == found.heading.tolist() == found.speed.tolist() == [0] * steps
     assert (found.y > 1e9).all()
