@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from functools import cached_property
+from typing import Any
 
 from smarts.sstudio.encoding import canonical, text_digest
 
@@ -35,3 +37,23 @@ class Described:
 
     def __hash__(self) -> int:
         return self._hash
+
+
+class DescribedMapping(Described, Mapping[str, Any]):
+    """A description that is a mapping."""
+
+    def __init__(self, items: Mapping[str, Any]) -> None:
+        self._items = items
+
+    def __getitem__(self, key: str) -> Any:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    # Mapping brings its own equality, by items and without regard to the type.
+    __eq__ = Described.__eq__
+    __hash__ = Described.__hash__

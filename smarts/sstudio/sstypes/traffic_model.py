@@ -6,13 +6,12 @@ SUMO's attributes have a prefix and capitals (`lcSpeedGain`); here they are plai
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
-from smarts.sstudio.sstypes.identity import Described
+from smarts.sstudio.sstypes.identity import DescribedMapping
 
 
-class TrafficModel(Described, Mapping[str, Any]):
+class TrafficModel(DescribedMapping):
     """Parameters of a driver model, as a mapping from the engine's attribute names to values."""
 
     prefix: ClassVar[str] = ""
@@ -22,26 +21,13 @@ class TrafficModel(Described, Mapping[str, Any]):
 
     def __init__(self, **arguments: Any) -> None:
         self.constructor_arguments = arguments
-        self._attributes = {self._attribute(name): value for name, value in arguments.items()}
+        super().__init__({self._attribute(name): value for name, value in arguments.items()})
 
     @classmethod
     def _attribute(cls, argument: str) -> str:
         if argument in cls.unprefixed:
             return argument
         return cls.prefix + "".join(word[:1].upper() + word[1:] for word in argument.split("_"))
-
-    def __getitem__(self, attribute: str) -> Any:
-        return self._attributes[attribute]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._attributes)
-
-    def __len__(self) -> int:
-        return len(self._attributes)
-
-    # Mapping brings its own equality, by items and without regard to the type.
-    __eq__ = Described.__eq__
-    __hash__ = Described.__hash__
 
     def __repr__(self) -> str:
         arguments = ", ".join(f"{name}={value!r}" for name, value in self.constructor_arguments.items())
