@@ -1,5 +1,5 @@
 """Alias of `smarts.types.coordinates`."""
 
-from smarts.types.coordinates import BoundingBox, Dimensions, Heading, Point, Pose, RefLinePoint
+from smarts.types.coordinates import Dimensions, Heading, Point, Pose, RefLinePoint
 
-__all__ = ["BoundingBox", "Dimensions", "Heading", "Point", "Pose", "RefLinePoint"]
+__all__ = ["Dimensions", "Heading", "Point", "Pose", "RefLinePoint"]

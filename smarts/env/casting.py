@@ -135,11 +135,6 @@ def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning
             )
 
 
-def locators_of(scenario: t.Scenario) -> list[str]:
-    """Return the locators of the agents that a scenario's bubbles and missions ask for."""
-    return [part.wanted.locator for part in _parts(scenario)]
-
-
 def check_locators(built: BuiltScenario) -> list[str]:
     """Return notes on the agents of a scenario whose own code cannot be imported here; none is made.
 

@@ -1,4 +1,4 @@
-"""Points, headings, poses and boxes as small values, for scenario files and observations.
+"""Points, headings, poses and sizes as small values, for scenario files and observations.
 
 Kernels work on arrays instead; these are for the few places where people read and write single values.
 """
@@ -103,44 +103,3 @@ class Pose:
         """Return the pose of a vehicle of `length` [m] whose front bumper's middle is at `bumper`."""
         back_x, back_y = math.cos(heading) * length / 2, math.sin(heading) * length / 2
         return cls(Point(bumper.x - back_x, bumper.y - back_y, bumper.z), Heading(heading))
-
-
-@dataclass(frozen=True)
-class BoundingBox:
-    """A box along the axes of the map frame."""
-
-    min_pt: Point
-    """The corner of the smallest coordinates."""
-    max_pt: Point
-    """The corner of the largest coordinates."""
-
-    @property
-    def length(self) -> float:
-        """Extent along x [m]."""
-        return self.max_pt.x - self.min_pt.x
-
-    @property
-    def width(self) -> float:
-        """Extent along y [m]."""
-        return self.max_pt.y - self.min_pt.y
-
-    @property
-    def height(self) -> float:
-        """Extent along z [m]."""
-        return self.max_pt.z - self.min_pt.z
-
-    @property
-    def center(self) -> Point:
-        """The middle of the box."""
-        return Point(*((low + high) / 2 for low, high in zip(self.min_pt, self.max_pt, strict=True)))
-
-    @property
-    def as_dimensions(self) -> Dimensions:
-        """Length, width and height [m]."""
-        return Dimensions(self.length, self.width, self.height)
-
-    def contains(self, point: Point) -> bool:
-        """Return whether a point lies inside the box as seen from above."""
-        return (
-            self.min_pt.x < point.x < self.max_pt.x and self.min_pt.y < point.y < self.max_pt.y
-        )  # z is left out: roads above each other share a box
