@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from smarts.arrays import Bools, Floats, Ints
 
@@ -18,7 +18,7 @@ class PublishedExtras:
     """
 
     def __init__(self, rows: int) -> None:
-        self._kept: list[dict[str, tuple[int, Ints, Floats]]] = [{} for _ in range(rows)]
+        self._kept: list[dict[str, tuple[int, NDArray, Floats]]] = [{} for _ in range(rows)]
         """Of each simulation, name -> step, agents and their values, shape (n, ...)."""
 
     def take(self, name: str, values: ArrayLike, agent_ids: Bools, steps: Ints) -> None:

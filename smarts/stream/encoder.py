@@ -128,9 +128,9 @@ class EpisodeEncoder:
         messages += self._newcomers(keys, vehicles)
         number = np.array([self._numbers[key] for key in keys.tolist()], np.int64)
         flags, steering = self._of_agents(number, vehicles, tables.get(AGENT_STATES.name))
-        position = np.stack([vehicles["x"], vehicles["y"]], -1) - self._origin
+        x, y = (np.stack([vehicles["x"], vehicles["y"]], -1) - self._origin).T
         heading, speed = vehicles["heading"], vehicles["speed"]
-        motion = Motion(number, vehicles["step"], *position.T, heading, speed, steering, flags)
+        motion = Motion(number, vehicles["step"], x, y, heading, speed, steering, flags)
         return self._stamped([*messages, steps_message(steps, motion, compress=not is_live)])
 
     def forget_others(self, slot: NDArray, generation: NDArray) -> None:
