@@ -54,8 +54,8 @@ _UNSET_WHEN_EMPTY = (
 class AgentStates(NamedTuple):
     """The agents of B simulations, shape (B, A): the egos first, then the agents of the pool.
 
-    docs/develop/a_step.md says which stage writes which column. An agent without a vehicle has slot -1. Columns
-    keep their values after the agent's end until another agent holds them or the simulation is reset.
+    docs/develop/a_step.md says which stage writes which column. An agent without a vehicle has slot -1.
+    Columns keep their values after the agent's end until another agent holds them or the simulation is reset.
     """
 
     state: Bytes
