@@ -107,10 +107,10 @@ class Watch:
     def _note(self, done: CarriedOut) -> None:
         """Note a vehicle that an agent has given up."""
         transfer = done.transfer
-        if transfer["reason"] == Reason.LEAVE:
-            key = int(transfer["slot"]), int(transfer["generation"])
-            self._departed[key] = Departure(int(transfer["departure"]))
-        elif transfer["reason"] == Reason.RELEASE and transfer["from_owner"] == Owner.AGENT:
+        if transfer.reason == Reason.LEAVE:
+            key = transfer.slot, transfer.generation
+            self._departed[key] = Departure(transfer.departure)
+        elif transfer.reason == Reason.RELEASE and transfer.from_owner == Owner.AGENT:
             self.waits.append(done.refusals * self.dt)
 
     def end(self, ownership: Ownership) -> None:

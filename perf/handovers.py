@@ -34,7 +34,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import Reason, Transfer, transfers
+from smarts.types.transfers import Reason, Transfer
 from smarts.types.vehicles import Owner, VehicleKind
 
 SCENARIOS = ("city", "intersection", "roundabout", "on_ramp_merge", "off_ramp_merge")
@@ -183,7 +183,7 @@ class Run:
             elif hold.asked == UNSET and now >= hold.until:
                 hold.asked = now
                 self.world.agents.release_step[0, hold.agent_id] = now
-        self.parts.ownership.submit(transfers(proposed))
+        self.parts.ownership.submit(proposed)
 
     def _measure(self, before: dict[str, NDArray]) -> int:
         now = self._copy()

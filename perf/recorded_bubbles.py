@@ -94,7 +94,7 @@ class Listener:
     def _measure(self, frame: Frame, before: dict[str, NDArray], now: dict[str, NDArray]) -> None:
         errors, moved = step_errors(before, now, self.world.dt), {}
         for done in frame.transfers:
-            moved[int(done.transfer["slot"])] = Reason(done.transfer["reason"])
+            moved[done.transfer.slot] = Reason(done.transfer.reason)
         back = {slot for slot, reason in moved.items() if reason == Reason.RELEASE}
         self._touched |= {
             (slot, int(now["generation"][slot])) for slot, why in moved.items() if why == Reason.TAKE

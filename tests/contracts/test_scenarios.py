@@ -36,8 +36,9 @@ PAPER = [
 ]
 BENCHMARK = ("two_way", "double_merge", "intersection")
 FULL = "random_social_vehicles"
-LEAST_AROUND_EGOS = {"intersection": 15.0}
+LEAST_AROUND_EGOS = {"intersection": 15.0, "intersections": 6.0}
 LEAST_ELSEWHERE = 8.0
+"""A family of maps has a traffic of its own that is denser, `dense`."""
 LONGEST_STAND = 180.0
 """Maximum time that a vehicle stands [s]; beyond it, the vehicle is stuck."""
 CLEAR = 15.0

@@ -7,9 +7,8 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Dict, Discrete
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
-from rigs import Rig, cases, known, takes
+from rigs import PLAYING, Rig, cases, known, takes
 
-import algorithms
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.spec import JointSpec
@@ -59,7 +58,7 @@ def test_empty_places_get_no_gradient(encoder):
     assert not any(each.any() for each in found)
 
 
-SETS = cases([name for name in algorithms.names() if takes(name, set_width=8)])
+SETS = cases([name for name in PLAYING if takes(name, set_width=8)])
 """Algorithms whose policies can read sets."""
 
 
