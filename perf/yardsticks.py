@@ -149,7 +149,7 @@ def evaluated(game: str, algo: Any, recipe: Recipe, episodes: int, steps: int, s
     from algorithms.joint.evaluation import evaluate
 
     score = YARDSTICKS[game].score
-    loops = Loops(YARDSTICKS[game].make(recipe.num_envs, limit_ends=recipe.limit_ends))
+    loops: Any = Loops(YARDSTICKS[game].make(recipe.num_envs, limit_ends=recipe.limit_ends))
     greedy = evaluate(algo, episodes, env=loops, seed=EVALUATION_SEED)
     sampled = evaluate(algo, episodes, explore=True, seed=EVALUATION_SEED)
     means = [score(float(np.mean([e.returns.sum() for e in played]))) for played in (greedy, sampled)]
