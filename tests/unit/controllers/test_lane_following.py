@@ -234,9 +234,14 @@ def test_stops_before_the_end_of_a_road_that_is_not_its_way(rig):
     assert driven.world.vehicles.speed[0, 0] < 0.1
 
 
-@pytest.mark.parametrize("mission", [("west_in", "east_out"), ()])
+WAY = ("west_in", "east_out")
+GOAL = {"goal": GoalKind.POSITION, "goal_lane": 0, "goal_s": 190.0}
+
+
+@pytest.mark.parametrize("mission", [{"route": WAY}, {"route": WAY, **GOAL}, {"route": ()}])
 def test_drives_to_the_end_of_its_route_and_off_the_map_at_speed(rig, mission):
-    driven = rig([agent(150.0, -1.6, speed=15.0, route=mission)], graph=maps.crossing(length=200.0))
+    start = Car(150.0, -1.6, 0.0, 15.0, AgentMission(**mission))
+    driven = rig([start], graph=maps.crossing(length=200.0))
     driven.act(15.0, 0.0)
     track = driven.track(40)
     assert track[-1, 0] > 205.0
