@@ -128,10 +128,20 @@ def check_free(out: Path | None) -> None:
 def new_folder(out: Path | None) -> Iterator[Path]:
     """Provide a folder that becomes `out` when all is written; without one it is removed."""
     check_free(out)
-    with (
-        tempfile.TemporaryDirectory(prefix="smarts-bench-") if out is None else replaced_folder(out) as folder
-    ):
-        yield Path(folder)
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+            yield Path(temporary)
+        return
+    partial = _partial_of(out)
+    shutil.rmtree(partial, ignore_errors=True)
+    with named_failures(out):
+        partial.mkdir(parents=True)
+    try:
+        yield partial  # errors of what is evaluated are none of this folder
+        with named_failures(out):
+            partial.replace(out)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

@@ -75,7 +75,7 @@ def _shapes_of(block: AgentBlock, count: int) -> dict[str, tuple[int, ...]]:
 
 
 def among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
-    """Return a step in which the other agents are absent: nobody's action depends on what they see."""
+    """Return a step with these agents alone; policies do not read observations of absent agents."""
     ended = {name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")}
     return now._replace(**ended)
 

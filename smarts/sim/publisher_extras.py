@@ -19,7 +19,7 @@ class PublishedExtras:
 
     def __init__(self, rows: int) -> None:
         self._kept: list[dict[str, tuple[int, NDArray, Floats]]] = [{} for _ in range(rows)]
-        """Of each simulation, name -> step, agents and their values, shape (n, ...)."""
+        """The newest values of each simulation by name: step, agents, and their values, shape (n, ...)."""
 
     def take(self, name: str, values: ArrayLike, agent_ids: Bools, steps: Ints) -> None:
         """Take an annotation; it replaces older ones of its name in the simulations that it is about.

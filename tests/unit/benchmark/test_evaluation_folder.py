@@ -27,6 +27,11 @@ def test_an_evaluation_is_in_its_folder_whole_or_not_at_all(tmp_path):
     assert [*tmp_path.iterdir()] == [out]
 
 
+def test_a_lost_connection_is_no_error_of_the_folder(tmp_path):
+    with pytest.raises(ConnectionResetError), new_folder(tmp_path / "new"):
+        raise ConnectionResetError
+
+
 def test_folders_that_hold_something_are_refused_and_nothing_is_lost(tmp_path):
     file = tmp_path / "notes.txt"
     file.write_text("mine")
